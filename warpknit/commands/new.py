@@ -26,7 +26,6 @@ from ..scene import Scene, make_scene
 from ..scene.materials import MATERIALS
 from ..scene.new_scene import SceneRequest, check_file_name, scene_text
 from ..scene.scene_loader import first_sentence, nearest_scene, shipped_scenes
-from ..scene.wire import Wire
 from .plan import Overview, overview_of
 from .run import naming_the_file
 
@@ -88,11 +87,12 @@ def new_command(request: SceneRequest, path: Path) -> list[Finding]:
     with write_aside(path) as file:
         file.write(text)
     wire, knit = scene.wire, named_knit(request.knit)
+    plated = "" if wire.plating is None else f", plated with {exact(wire.plating.thickness, 'm')} of {wire.plating.material}"
     lines = (
         ("scene", str(path)),
         ("knit", f"{knit.name}: {' and '.join(str(bar) for bar in knit.bars)}"),
         ("", overview.mesh[0][1]),
-        ("wire", f"{f'{wire.ends} x ' if wire.ends > 1 else ''}{exact(wire.diameter, 'm')} {wire.material}{_plated(wire)}"),
+        ("wire", f"{f'{wire.ends} x ' if wire.ends > 1 else ''}{exact(wire.diameter, 'm')} {wire.material}{plated}"),
         ("model", f"{scene.model.kind} ({scene.kind_reason})"),
         *overview.mesh[1:],
         *(("warning", str(warning)) for warning in overview.warnings),
@@ -112,10 +112,6 @@ def copy_scene(name: str, path: Path) -> list[Finding]:
     with write_aside(path) as file:
         file.write(text)
     return [Finding("scene", str(path)), Finding("next", f"warpknit run {shlex.quote(str(path))}")]
-
-
-def _plated(wire: Wire) -> str:
-    return "" if wire.plating is None else f", plated with {exact(wire.plating.thickness, 'm')} of {wire.plating.material}"
 
 
 def names_list() -> list[str]:

@@ -127,7 +127,10 @@ class Plan(Overview):
         yield Finding(f"{model.kind} model", accuracy, short=True)
         yield Finding("  reason", self.scene.kind_reason, short=self.scene.kind_reason not in (GIVEN, DEFAULT))
         yield from (Finding("  accuracy", text) for text in more_accuracy)
-        time = "time unknown on a GPU" if self.wall_s is None else f"{_about(self._time, self.run)} on this CPU"
+        time = "time unknown on a GPU"
+        if self.wall_s is not None:
+            whole, count = self.wall_s, max(1, self.steps)
+            time = f"{_about(lambda steps: duration(whole * steps / count), self.run)} on this CPU"
         meshes, variants = self._meshes, self.scene.variants
         each = "" if meshes == 1 else f" for each of {meshes} meshes"
         yield Finding("time", f"{time}, about {rounded(self.steps):,} steps{each}", short=self.map_s is None or self.steps > 0)
@@ -146,9 +149,6 @@ class Plan(Overview):
             yield Finding("reflection", reflection_text(self.scene), short=True)
         yield Finding("switched on", ", ".join(names), short=True)
         yield from (Finding(UNUSED if name == UNUSED else f"  {name}", text, short=name == UNUSED) for name, _, text in physics)
-
-    def _time(self, steps: int) -> str:
-        return duration(self.run.seconds * self._meshes_in_all * steps / max(1, self.steps))
 
 
 def make_plan(scene: Scene, device: str | None = None) -> Plan:
@@ -238,7 +238,6 @@ def _overlaps(scene: Scene, cloth: Cloth | None) -> Iterator[str]:
 
 
 def _loads(scene: Scene) -> list[str]:
-    """A line for each load step, named where there are several."""
     named = len(scene.stages) > 1 or scene.stages[0].name != "load"
     return [f"{stage.name}: {stage.text}" if named else stage.text for stage in scene.stages]
 
@@ -260,7 +259,6 @@ def _measured(run: Measured) -> str:
 
 
 def _repeat(scene: Scene, cloth: Cloth) -> str:
-    """One repeat in words, with the number of links of each bar."""
     links = [len(parse_chain(bar.chain)) for bar in scene.knit.bars]
     wire, plan_view = (engineering(length, "m") for length in (cloth.wire_length, cloth.stitch_length))
     repeated = f"; chains of {' and '.join(map(str, links))} links, each repeated" if len(set(links)) > 1 else ""

@@ -179,7 +179,6 @@ def lengths_of(option: str, given: str | float | Sequence[str | float] | None) -
 
 
 def _parts(given: str | Sequence[Any]) -> Sequence[Any]:
-    """Entries of a list, or of a text with commas."""
     return given.split(",") if isinstance(given, str) else given
 
 

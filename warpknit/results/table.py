@@ -120,7 +120,9 @@ class Table(Mapping[str, np.ndarray]):
         places = [*range(self.rows)]
         if self.rows > 2 * SHOWN_ROWS:
             places = [*places[:SHOWN_ROWS], -1, *places[-SHOWN_ROWS:]]
-        lines = [["..." if k < 0 else _text(column[k]) for column in self.values()] for k in places]
+        formats = ["{:.4g}" if column.dtype.kind == "f" else "{}" for column in self.values()]
+        cells = list(zip(formats, self.values(), strict=True))
+        lines = [["..." if k < 0 else text.format(column[k]) for text, column in cells] for k in places]
         return f"{html_table(lines, head=list(self))}<p>{self.rows} rows, {len(self)} columns</p>"
 
 
@@ -159,10 +161,6 @@ def _column(path: Path, name: str, texts: Sequence[str], of_history: bool) -> np
         row = next(number for number, text in enumerate(texts) if _values([text]).dtype.kind not in "if")
         raise RunDirectoryError(f"{path}: {name}: {texts[row]!r} in row {row + 1} is not a number; {AGAIN}")
     return values
-
-
-def _text(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, np.floating) else str(value)
 
 
 def _values(texts: Sequence[str]) -> np.ndarray:

@@ -197,7 +197,6 @@ def _yield(answers: Answers, limit: float, reached: str) -> str:
 
 
 def _place(peak: Row) -> str:
-    """Where a stress is: part of the loop, wire and node, position in weft and warp."""
     part = peak.stress_max_part
     position = place_text(peak.stress_max_x_m, peak.stress_max_y_m)
     where = f"wire {peak.stress_max_wire}, node {peak.stress_max_node} at {position} from the corner"

@@ -139,7 +139,6 @@ def _loadings(rows: Sequence[Row]) -> list[list[Row]]:
 
 
 def _loads(part: Sequence[Row]) -> bool:
-    """Whether a stage raises the tension at one temperature."""
     return mean_tension(part[-1]) > mean_tension(part[0]) and _temperatures(part) == 1
 
 

@@ -143,7 +143,8 @@ class Sensitivity:
         parts = {"standard_error": seen.values.std(axis=0, ddof=1) / math.sqrt(len(seen.values)) / seen.scale}
         values = {name: np.array([change[figure] for figure in seen.names]) for name, change in changes.items()}
         if NODES in values:
-            parts["nodes"] = np.abs(values[NODES]) / self._change_of_error
+            coarser = self.scene.model.nodes_per_loop / fewer_nodes(self.scene)
+            parts["nodes"] = np.abs(values[NODES]) / (coarser**ORDER - 1.0)  # Richardson
         if friction := [values[name] for name in FRICTIONS if name in values]:
             parts["friction"] = np.sqrt(np.mean(np.square(friction), axis=0))
         weft, warp, active, stress = np.sqrt(sum(part**2 for part in parts.values())).tolist()
@@ -161,11 +162,6 @@ class Sensitivity:
         if not names:
             return None
         return ResultWarning("W45", f"The estimated error leaves out {listed(names)}, with which no mesh converged.")
-
-    @property
-    def _change_of_error(self) -> float:
-        """Change of a figure with fewer nodes over the scene's error (Richardson)."""
-        return float((self.scene.model.nodes_per_loop / fewer_nodes(self.scene)) ** ORDER - 1.0)
 
 
 def changes_of(scene: Scene) -> dict[str, Scene]:

@@ -162,10 +162,6 @@ def _header(path: Path) -> Values:
         return Values(**json.loads(str(file["about"])))
 
 
-def has_checkpoint(directory: Path) -> bool:
-    return (directory / FILE).is_file()
-
-
 class Checkpoint:
     """A checkpoint read from a run directory. Raises `RunDirectoryError` if it cannot be used for these ranks."""
 

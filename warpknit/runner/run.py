@@ -24,7 +24,7 @@ from ..solve.model import build_model
 from ..solve.simulate import Simulation
 from .estimates import COMPLETE, estimated_again
 from .history import Probe, checked_probes
-from .monitor import Checkpoint, Monitor, has_checkpoint
+from .monitor import FILE, Checkpoint, Monitor
 from .progress_display import Display
 from .recorder import ErrorEstimator, Recorder
 from .run_directory import CommandResult, check_directory, clear, make_directory
@@ -109,7 +109,7 @@ def _earlier_run(scene: Scene, out: Path, resume: bool, force: bool, probes: lis
             pass
     finished, continues = check_directory(out, "run", scene, resume=resume, force=force)
     if finished is None:
-        return None, continues and has_checkpoint(out)
+        return None, continues and (out / FILE).is_file()
     if missing := set(probes) - set(vars(read_rows(out / "history.csv", Values)[0]) if probes else ()):
         raise RunDirectoryError(f"{out}: contains the finished run without the probe {min(missing)}; run it again with --force")
     return Summary.of(finished), False

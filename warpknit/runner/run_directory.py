@@ -117,7 +117,6 @@ def _difference(out: Path, scene: Scene) -> str:
 
 
 def _flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, object]:
-    """The values of a TOML file by dotted keys."""
     found: dict[str, object] = {}
     for key, value in table.items():
         found |= _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}

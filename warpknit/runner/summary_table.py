@@ -134,7 +134,6 @@ def _signed(value: float, unit: str, sign: str) -> str:
 
 
 def _variants_findings(variants: Means, end: Row) -> Iterator[Finding]:
-    """Ranges of the figures over meshes, other branches, and changes by an overshoot."""
     figures = {
         "strain": ("strain_weft", "strain_warp"),
         "tension": ("tension_weft_N_per_m", "tension_warp_N_per_m"),

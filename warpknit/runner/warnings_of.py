@@ -119,7 +119,6 @@ def _compressed(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning
 
 
 def _about_stages(stages: Sequence[Row]) -> Iterator[ResultWarning]:
-    """Warnings about the ends of load steps: membranes out of balance, steep panels, contacts at the end of their range."""
     if (left := max((end.membrane_left_out for end in stages), default=0.0)) > 0.0:
         text = f"stress may be out of balance by {percent(left)} of the tension."
         yield ResultWarning("W08", f"The equilibrium as a membrane did not converge; {text}")

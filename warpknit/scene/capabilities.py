@@ -73,31 +73,10 @@ def _value(key: str, case: Case) -> Any:
     return value
 
 
-def _given(key: str, *nothing: Any) -> Asked:
-    """Places of a key with a value other than None and these."""
-    return lambda case: (
-        [(tuple(key.split(".")), value)] if (value := _value(key, case)) is not None and value not in nothing else []
-    )
-
-
-def _staged(*keys: str, nothing: tuple[Any, ...] = ()) -> Asked:
-    """Places of load steps with one of these keys."""
-    return lambda case: [
-        ((*location, key), value)
-        for location, stage in case.stages
-        for key in keys
-        if (value := getattr(stage, key)) is not None and value not in nothing
-    ]
-
-
 def _turned_and_pulled(case: Case) -> Iterable[Place]:
     for location, stage in case.stages:
         if stage.clamp_rotation and stage.pull:
             yield (*location, "clamp_rotation"), stage.clamp_rotation
-
-
-def _has_panel(case: Case) -> bool:
-    return case.scene.panel != type(case.scene.panel)()
 
 
 def _other_poisson(case: Case) -> bool:
@@ -124,17 +103,26 @@ def _if(words: str, key: str, condition: Callable[[Case], Any], example: Mapping
     return Trait(words, key, lambda case: [(tuple(key.split(".")), None)] if condition(case) else [], example or {}, needs)
 
 
-def _key(words: str, key: str, value: Any, *nothing: Any, needs: tuple[str, ...] = ()) -> Trait:
-    """Trait of a key whose value is not `nothing`, such as `value`."""
+def _key(words: str, key: str, value: Any, *nothing: Any, needs: tuple[str, ...] = (), **beside: Any) -> Trait:
+    """Trait of a key whose value is not `nothing`, such as `value` with the keys `beside` it."""
     *above, last = key.split(".")
-    example = {last: value}
+    example = {last: value, **beside}
     for part in reversed(above):
         example = {part: example}
-    return Trait(words, key, _given(key, *nothing), example, needs)
+
+    def asked(case: Case) -> Iterable[Place]:
+        found = _value(key, case)
+        return [] if found is None or found in nothing else [((*above, last), found)]
+
+    return Trait(words, key, asked, example, needs)
 
 
 def _load(words: str, key: str, value: Any, *others: str, nothing: tuple[Any, ...] = ()) -> Trait:
-    return Trait(words, f"load.{key}", _staged(key, *others, nothing=nothing), {"load": {key: value}})
+    def asked(case: Case) -> Iterable[Place]:
+        steps = [((*location, name), getattr(stage, name)) for location, stage in case.stages for name in (key, *others)]
+        return [(place, found) for place, found in steps if found is not None and found not in nothing]
+
+    return Trait(words, f"load.{key}", asked, {"load": {key: value}})
 
 
 def _command(words: str, *commands: str, needs: tuple[str, ...] = ()) -> Trait:
@@ -142,9 +130,8 @@ def _command(words: str, *commands: str, needs: tuple[str, ...] = ()) -> Trait:
 
 
 PULL = {"at": ["1.7 mm", "0 mm"], "by": ["0.1 mm", "0 mm"], "width": "1 mm"}  # one repeat of the default knit is 3.4 mm wide
-CORD = {"grip_pitch": "2 mm", "cord": {"tension": "1 N", "stiffness": "1 kN"}}
+CORD = {"tension": "1 N", "stiffness": "1 kN"}
 SWEEP = {"strain_weft": [0.0, 0.1], "strain_warp": [0.0]}
-TENSION_SWEEP = {"tension_weft": [0.05], "tension_warp": [0.05]}
 
 # A scene has one of each group, by default the first.
 GROUPS = (
@@ -196,15 +183,14 @@ TRAITS = {
     "seed": _key("seed", "knit.seed", 3, 0, needs=("knit",)),
     "variants": _key("variants", "variants.count", 2, 1, needs=("knit",)),
     # the edge
-    "panel": _if("an outline, net, or surface", "panel", _has_panel, {"panel": {"active_threshold": 50}}),
-    "outline": Trait(
-        "an outline other than a rectangle",
-        "panel.outline",
-        _given("panel.outline", "rectangle"),
-        {"panel": {"outline": "disc", "size": "10 mm"}},
-        ("panel",),
+    "panel": _if(
+        "an outline, net, or surface",
+        "panel",
+        lambda case: case.scene.panel != type(case.scene.panel)(),
+        {"panel": {"active_threshold": 50}},
     ),
-    "cord": Trait("edge cords", "panel.cord", _given("panel.cord"), {"panel": CORD}, ("panel",)),
+    "outline": _key("an outline other than a rectangle", "panel.outline", "disc", "rectangle", needs=("panel",), size="10 mm"),
+    "cord": _key("edge cords", "panel.cord", CORD, needs=("panel",), grip_pitch="2 mm"),
     "focal length": _key("held on a paraboloid", "panel.focal_length", "1 m", needs=("panel",)),
     # contact
     "stiffness": _key("contact penalty", "contact.stiffness", "10 N/m"),
@@ -226,9 +212,7 @@ TRAITS = {
     # the sweep
     "no sweep": _if("no sweep", "sweep", lambda case: case.scene.sweep is None),
     "sweep": _key("a sweep", "sweep", SWEEP),
-    "sweep by tension": Trait(
-        "a sweep by tension", "sweep.tension_weft", _given("sweep.tension_weft"), {"sweep": TENSION_SWEEP}, ("sweep",)
-    ),
+    "sweep by tension": _key("a sweep by tension", "sweep.tension_weft", [0.05], needs=("sweep",), tension_warp=[0.05]),
     "reflection": _key("a reflected wave", "reflection", {"frequencies": ["10 GHz"]}),
     # commands, and options besides the scene
     "map": _command("`warpknit map`", "map", "report", needs=("sweep", "relax")),
@@ -394,7 +378,6 @@ def kind_of_model(file: SceneFile, *, command: str = "", ranks: int = 1) -> tupl
 
 
 def _other_traits(rule: Rule) -> str:
-    """The traits of a rule beside the spatial model, in words."""
     return " with ".join(TRAITS[name].words for name in TRAITS if name in rule.traits - {"spatial"})
 
 

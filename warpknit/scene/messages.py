@@ -25,7 +25,8 @@ UNKNOWN = ("unexpected_keyword_argument", "invalid_key")  # what pydantic calls 
 def scene_error(file: object, key: str, wrong: str, instead: str, more: Sequence[str] = ()) -> SceneError:
     """The error for one key, or for the whole file (""); more: the keys of other errors."""
     also = f" (also wrong: {', '.join(more)})" if more else ""
-    return SceneError(_one_line(f"{file}: {f'{key}: ' if key else ''}{wrong}; {instead}{also}"), key)
+    text = f"{file}: {f'{key}: ' if key else ''}{wrong}; {instead}{also}"
+    return SceneError("".join(one if one.isprintable() else repr(one)[1:-1] for one in text), key)
 
 
 def first_error(file: object, error: ValidationError) -> SceneError:
@@ -188,10 +189,6 @@ def _nested(location: Location) -> str | None:
     opened = re.sub(r"(\w+)(\[\d+\])?\.?", lambda name: f'{{"{name[1]}": ' + ("[" if name[2] else ""), str(last))
     closed = "".join({"{": "}", "[": "]"}.get(character, "") for character in reversed(opened))
     return f"write tables in each other, {opened}...{closed}, or override {key}"
-
-
-def _one_line(text: str) -> str:
-    return "".join(character if character.isprintable() else repr(character)[1:-1] for character in text)
 
 
 @dataclass(frozen=True)

@@ -64,12 +64,7 @@ class SceneFile(Table, one_of=(("knit", "hook", "wires"),)):
         return tuple(stages)
 
 
-def checked_file(table: Mapping[str, Any]) -> SceneFile:
-    """The file of a table as read from TOML. Raises pydantic's `ValidationError`."""
-    return _ADAPTER.validate_python(table)
-
-
-_ADAPTER = TypeAdapter(SceneFile)
+FILE = TypeAdapter(SceneFile)  # checks a table as read from TOML
 
 
 def _plain(value: Any) -> Any:
@@ -213,11 +208,6 @@ class Scene:
             f"tight knits: tensions within {measured.tight_error_percent:g} % of preset reference at nine of ten loads, another"
             f" equilibrium at the others; compare with model.nodes_per_loop = {COMPARED_NODES} and other output.frames"
         )
-
-    @property
-    def depends_on_command(self) -> bool:
-        """Whether another command may make another scene of the same file."""
-        return self.kind_reason != GIVEN or "variants.count" in self.assumed
 
     @property
     def depends_on_path(self) -> bool:

@@ -23,11 +23,11 @@ from .keys import as_object
 from .knit import Knit, KnitTable
 from .materials import MATERIALS
 from .messages import Source, first_error, scene_error
-from .options import TREATMENT_KEYS, Contact, ModelOptions, Solver, Variants
+from .options import GIVEN, TREATMENT_KEYS, Contact, ModelOptions, Solver, Variants
 from .overrides import as_list, with_overrides
 from .panel_options import PanelOptions, covering_repeats, panel_options
 from .presets import PRESETS, Preset
-from .scene import Overrides, Scene, SceneFile, checked_file, resolved_toml
+from .scene import FILE, Overrides, Scene, SceneFile, resolved_toml
 from .stages import file_diameter, hook_of, stages_of, wire_file
 from .units import has_unit, is_quantity, shown
 from .values import LINKS
@@ -78,19 +78,17 @@ def load_scene(
     Raises SceneError: one line with the file, the key, what is wrong and what to write instead.
     """
     if isinstance(source, Scene):
-        if not overrides and preset is None and not (source.is_as_written and source.depends_on_command):
+        depends_on_command = source.kind_reason != GIVEN or "variants.count" in source.assumed
+        if not overrides and preset is None and not (source.is_as_written and depends_on_command):
             return source
         if source.is_as_written:
             return source.changed(overrides, preset, command=command, ranks=ranks)
-    path, table = (source.path, _table_of(source)) if isinstance(source, Scene) else _read(source)
+        path, table = source.path, toml.loads(resolved_toml(source))
+        if source.wires is not None:
+            table["wires"]["file"] = source.wires.file
+    else:
+        path, table = _read(source)
     return make_scene(table, overrides, preset, path=path, command=command, ranks=ranks)
-
-
-def _table_of(scene: Scene) -> Mapping[str, Any]:
-    table = toml.loads(resolved_toml(scene))
-    if scene.wires is not None:
-        table["wires"]["file"] = scene.wires.file
-    return table
 
 
 def _read(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[Path, Mapping[str, Any]]:
@@ -100,7 +98,9 @@ def _read(source: str | os.PathLike[str] | Mapping[str, Any]) -> tuple[Path, Map
     if not isinstance(source, str | os.PathLike) or (isinstance(source, str) and not source):
         raise scene_error(IN_CODE, "", f"{shown(source)} is not a scene", "give a path, TOML text, a dict or a scene")
     is_text = isinstance(source, str) and ("\n" in source or ("=" in source and not os.path.exists(source)))
-    path, expected = (IN_CODE, "give a scene in TOML") if is_text else (file_of_scene(Path(source)), "give a scene file in TOML")
+    path, expected = (IN_CODE, "give a scene in TOML") if is_text else (Path(source), "give a scene file in TOML")
+    if not is_text and not path.is_file():
+        path = shipped_scenes().get(str(path), path)
     text = ""
     try:
         text = str(source) if is_text else path.read_bytes().decode("utf-8-sig")
@@ -144,11 +144,6 @@ def first_sentence(path: Path) -> str:
     return re.split(r"(?<=[.:]) ", comment, maxsplit=1)[0].rstrip(":.")
 
 
-def file_of_scene(path: Path) -> Path:
-    """The file of a path: an existing file first, else the scene of that name; `path` itself where there is neither."""
-    return path if path.is_file() else shipped_scenes().get(str(path), path)
-
-
 def nearest_scene(path: Path) -> str | None:
     """The name of the scene nearest to a path, if one is close."""
     return next(iter(difflib.get_close_matches(path.stem, shipped_scenes(), n=1)), None)
@@ -173,7 +168,7 @@ def make_scene(
         overrides = [*as_list(overrides), ("solver.preset", preset)]
     table = with_overrides(path, table, overrides)
     try:
-        file = checked_file(table)
+        file = FILE.validate_python(table)
     except ValidationError as error:
         raise first_error(path, error) from error
     source = Source(path, table)

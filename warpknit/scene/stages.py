@@ -180,7 +180,6 @@ def file_diameter(source: Source, file: SceneFile) -> float | None:
 
 
 def _place_of(source: Source, table: WiresTable) -> Path | WireArrays:
-    """The file of wires, relative to the scene."""
     return table.file if isinstance(table.file, WireArrays) else source.path.parent / table.file
 
 
