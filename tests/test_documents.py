@@ -22,7 +22,7 @@ from warpknit.reflection.table import LeastTension, LossRow
 from warpknit.results.finding import KINDS
 from warpknit.results.row import Row, Values
 from warpknit.runner.answers import Answers
-from warpknit.runner.other_model import SpatialMeans
+from warpknit.runner.other_model import FIGURES
 from warpknit.runner.run import run_scene
 from warpknit.runner.summary import ERRORS, panel_of
 from warpknit.runner.variants import Means, Spread
@@ -150,7 +150,7 @@ def test_every_key_of_a_result_stands_once_with_a_meaning() -> None:
     """None is missing, none is left of a key that is gone."""
     assert reference_of("answers") == sorted([*keys_of(Answers), *keys_of(LeastTension, "reflection[].")])
     assert reference_of("variants") == sorted([*keys_of(Spread), *keys_of(Means)])
-    assert reference_of("spatial_model") == sorted(keys_of(SpatialMeans))
+    assert reference_of("spatial_model") == sorted(["meshes", *FIGURES])
     assert reference_of("reflection.csv") == sorted(get_annotations(LossRow))
     columns = {line.name for line in table.MEASURES if line.history or line.map}
     of_first_class = (name for name in columns if not re.search(r"_[B-Z]_(percent|N)$", name))

@@ -10,7 +10,7 @@ from warpknit.results.row import Row
 from warpknit.runner.estimates import Estimate, Sensitivity, beside, changed_rows, changes_of, estimated_again
 from warpknit.runner.interrupts import Interrupts
 from warpknit.runner.monitor import Monitor
-from warpknit.runner.other_model import SpatialMeans, _spatial, spatial_means
+from warpknit.runner.other_model import _spatial, spatial_means
 from warpknit.runner.progress_display import Display
 from warpknit.runner.run import run_scene
 from warpknit.runner.summary_table import _changed, _error_finding
@@ -209,7 +209,7 @@ def test_a_planar_scene_in_space_keeps_its_loops_and_has_the_nodes_of_its_preset
 
 
 def test_planar_meshes_are_compared_too(tmp_path, monkeypatch):
-    means = SpatialMeans(meshes=3, **dict.fromkeys(("strain_weft", "strain_warp", *FIGURES), 1.0))
+    means = Row(meshes=3, **dict.fromkeys(("strain_weft", "strain_warp", *FIGURES), 1.0))
     monkeypatch.setattr("warpknit.runner.estimates.spatial_means", lambda _scene, _watch: means)
     model = {"kind": "planar", "boundary": "periodic", "nodes_per_loop": 12}
     run_scene(scene_of(model=model, variants={"count": 2, "standard_error": 0.0}), out=tmp_path, device="cpu")

@@ -1,8 +1,4 @@
-"""The command line: `warpknit run`, `warpknit plan`, `warpknit map`, `warpknit trade`, `warpknit report`, `warpknit reflect`,
-`warpknit export`, `warpknit view`, `warpknit new`.
-
-program.py turns exceptions into an exit status and one line.
-"""
+"""The command line. program.py turns exceptions into an exit status and one line."""
 
 from __future__ import annotations
 

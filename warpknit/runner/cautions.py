@@ -47,8 +47,7 @@ def scene_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[ResultWarning]
         yield ResultWarning("W24", "No load is given.")
     if cloth is not None:
         yield from few_nodes(scene.model.nodes_per_loop)
-        yield from _about_tension(scene, cloth, scene.stages)
-        yield from _about_strain(scene, cloth, scene.stages)
+        yield from _beyond_wires(scene, cloth, scene.stages)
         if scene.model.of_kind.has_branches and not scene.depends_on_path and smaller_scene(scene) is None:
             yield from _about_increments(scene)
 
@@ -93,15 +92,15 @@ def _is_loaded(scene: Scene, stage: Stage) -> bool:
 def sweep_cautions(scene: Scene, cloth: Cloth | None) -> Iterator[ResultWarning]:
     """Warnings about the largest loads of a sweep, one line each; none without one."""
     if cloth is not None and scene.sweep is not None:
-        largest = [scene.sweep.stage(scene.stages[0], scene.sweep.pairs[-1])]
-        yield from _about_tension(scene, cloth, largest)
-        yield from _about_strain(scene, cloth, largest)
+        yield from _beyond_wires(scene, cloth, [scene.sweep.stage(scene.stages[0], scene.sweep.pairs[-1])])
 
 
-def _about_tension(scene: Scene, cloth: Cloth, loads: Sequence[Stage]) -> Iterator[ResultWarning]:
-    """Tensions that no arrangement of elastic wires carries.
+def _beyond_wires(scene: Scene, cloth: Cloth, loads: Sequence[Stage]) -> Iterator[ResultWarning]:
+    """Tensions and strains that no arrangement of wires below their limits carries or reaches.
 
-    The sum of weft and warp is the mean axial force of the wires times their length in an area, which extension makes smaller.
+    The sum of both tensions is the mean axial force of the wires times their length in an area, which extension makes smaller.
+    The bound of strains is for points of hooking; between two of them a wire is shorter by its thickness at most. A direction
+    under a given tension may contract to any length.
     """
     wire = scene.wire
     radius = wire.radius + (0.0 if wire.plating is None else wire.plating.thickness)
@@ -112,18 +111,9 @@ def _about_tension(scene: Scene, cloth: Cloth, loads: Sequence[Stage]) -> Iterat
         text = f"The tensions of weft and warp add up to {given}; straight wires at their elastic limit of {limit} carry"
         yield ResultWarning("W26", f"{text} {carried}.")
 
-
-def _about_strain(scene: Scene, cloth: Cloth, loads: Sequence[Stage]) -> Iterator[ResultWarning]:
-    """Warning on strains that no arrangement of wires below their strength reaches.
-
-    The bound is for points of hooking; between two of them a wire is shorter by its thickness at most. A direction under a given
-    tension may contract to any length.
-    """
-    wire = scene.wire
     laid = cloth.wire_length * len(cloth.stitches)
     longest = laid * (1.0 + wire.tensile_strength / wire.youngs_modulus) + 2 * len(cloth.clasps) * wire.thickness
     most = BEYOND_ERROR * longest
-
     for load in loads:
         weft, warp = (0.0 if strain is None else 1.0 + strain for strain in (load.strain_weft, load.strain_warp))
         shear = load.shear if weft and warp else 0.0

@@ -10,7 +10,7 @@ import numpy as np
 from ..base.errors import ModelError, SceneError
 from ..knit.lapping import KnitError
 from ..mesh.layout import mesh_nodes
-from ..results.row import Values
+from ..results.row import Row
 from ..scene import Scene
 from ..scene.presets import PRESETS
 from ..solve.variant_models import VariantModels, last_records
@@ -22,23 +22,11 @@ FEWEST_STEPS = 1_000  # that a mesh takes
 FIGURES = ("strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m", "active_percent", "stress_max_Pa")
 
 
-class SpatialMeans(Values):
-    """Means over meshes of the spatial model under the same load."""
-
-    meshes: int  # number of meshes
-    strain_weft: float  # strain in weft
-    strain_warp: float  # strain in warp
-    tension_weft_N_per_m: float  # tension in weft
-    tension_warp_N_per_m: float  # tension in warp
-    active_percent: float  # share of the active pairs
-    stress_max_Pa: float  # largest stress
-
-
 class _TooLong(Exception):
     """The comparison needs more node-steps than it may take."""
 
 
-def spatial_means(scene: Scene, monitor: Callable[[int], None], pair: tuple[float, float] | None = None) -> SpatialMeans | None:
+def spatial_means(scene: Scene, monitor: Callable[[int], None], pair: tuple[float, float] | None = None) -> Row | None:
     """Means of the spatial model for a planar tile; None for other meshes, and where they take too long.
 
     monitor: called at every check with the time steps so far, may raise to stop. pair: a load of [sweep]; default: the scene's.
@@ -64,7 +52,7 @@ def spatial_means(scene: Scene, monitor: Callable[[int], None], pair: tuple[floa
         return None
     if len(ends) < MESHES:
         return None
-    return SpatialMeans(meshes=MESHES, **{name: float(np.mean([row[name] for row in ends])) for name in FIGURES})
+    return Row(meshes=MESHES, **{name: float(np.mean([row[name] for row in ends])) for name in FIGURES})
 
 
 def _spatial(scene: Scene) -> Scene | None:

@@ -1,8 +1,4 @@
-"""Runs a scene into a directory, with interrupt and resume.
-
-DIR holds summary.json, history.csv, scene.toml (resolved), layout.npz, states/state_######.npz, scene.usda with its layers,
-figures/*.png and checkpoint/. Every file is written aside and renamed.
-"""
+"""Runs a scene into a directory, with interrupt and resume."""
 
 from __future__ import annotations
 

@@ -22,7 +22,6 @@ from ..results.row import Columns, Row, Values, plain, valued
 from .answers import Answers, answers_of
 from .branches import jumps_of
 from .history import ends_of
-from .other_model import SpatialMeans
 from .run_directory import Tree
 from .variants import OF_ONE_PATH, Means, variant_warnings
 from .warnings_of import warnings_of
@@ -48,7 +47,7 @@ class Estimate:
     nodes: float | None = None  # of means: the largest error by the number of nodes
     friction: float | None = None  # of means: the largest change with half and with twice the friction (root mean square)
     strain: float | None = None  # part of `tension` where tension drives: estimated relative error of the strain; else null
-    spatial_model: SpatialMeans | None = None
+    spatial_model: Row | None = None
     changes: Values | None = None
 
 
@@ -67,7 +66,7 @@ class Summary:
     estimate: Estimate = field(default_factory=Estimate)
     jumps: Sequence[tuple[int, int]] = ()  # pairs of `index`: neighbouring records with a snap-through between them
     variants: Means | None = None  # with `variants.count` above 1: spread of single meshes about the means
-    spatial_model: SpatialMeans | None = None  # of a planar tile: means of three meshes of the spatial model
+    spatial_model: Row | None = None  # of a planar tile: means of three meshes of the spatial model
     answers: Answers | None = None  # results for a designer, see below; null for a `[hook]`
     version: str = __version__  # version of warpknit
 

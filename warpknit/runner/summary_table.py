@@ -15,7 +15,6 @@ from ..results.finding import Finding, ResultTable
 from ..results.row import Row, Values
 from ..scene.options import DEFAULT, GIVEN
 from .answers_table import LEAST_SHARE, LEAST_STRESS, answer_findings, unreached_text
-from .other_model import SpatialMeans
 from .strength import assumed_note
 from .summary import Estimate, Summary
 from .variants import Means
@@ -97,7 +96,7 @@ def _solver_findings(result: Summary) -> Iterator[Finding]:
         yield Finding("  note", note)
 
 
-def _spatial_finding(other: SpatialMeans) -> Finding:
+def _spatial_finding(other: Row) -> Finding:
     strain = f"{percent(other.strain_weft, 2)} weft, {percent(other.strain_warp, 2)} warp"
     tension = sides_text((other.tension_weft_N_per_m, other.tension_warp_N_per_m), "N/m")
     active, stress = percent(0.01 * other.active_percent), engineering(other.stress_max_Pa, "Pa")

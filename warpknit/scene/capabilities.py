@@ -104,7 +104,7 @@ def _if(words: str, key: str, condition: Callable[[Case], Any], example: Mapping
 
 
 def _key(words: str, key: str, value: Any, *nothing: Any, needs: tuple[str, ...] = (), **beside: Any) -> Trait:
-    """Trait of a key whose value is not `nothing`, such as `value` with the keys `beside` it."""
+    """Trait of a key whose value is not `nothing`. Its example is `value`, with the keys `beside` it."""
     *above, last = key.split(".")
     example = {last: value, **beside}
     for part in reversed(above):
