@@ -137,13 +137,13 @@ def _without_scatter(part: Any, least: float, is_tension: bool = False) -> Any:
     return part * (abs(part) > least) if is_tension else part
 
 
-def _tension(state: Row, digits: int = 3) -> str:
+def _tension(state: Row) -> str:
     """Tension in weft and warp; their mean where they differ by no more than their tolerance."""
     both = [state[f"tension_{side}_N_per_m"] for side in ("weft", "warp")]
     if abs(both[0] - both[1]) <= 2.0 * TOLERANCE * max(map(abs, both)):
         both = 2 * [0.5 * (both[0] + both[1])]
     least = LEAST_SHARE * max(map(abs, both))
-    return sides_text([value if abs(value) > least else 0.0 for value in both], "N/m", digits)
+    return sides_text([value if abs(value) > least else 0.0 for value in both], "N/m")
 
 
 def _strain(state: Row) -> str:

@@ -72,14 +72,12 @@ def _spatial(scene: Scene) -> Scene | None:
             {
                 "model.kind": "spatial",
                 "model.nodes_per_loop": numerics.nodes_per_loop,
-                "solver.axial_softening": numerics.axial_softening,
-                "solver.precision": numerics.precision,
-                "solver.residual_tolerance": numerics.residual_tolerance,
+                **{f"solver.{name}": getattr(numerics, name) for name in ("axial_softening", "precision", "residual_tolerance")},
                 "variants.count": MESHES,
                 "variants.standard_error": 0.0,
                 "variants.sensitivity": False,
+                **loops,
             }
-            | loops
         )
     except SceneError:
         return None
