@@ -7,8 +7,8 @@ import pytest
 
 from warpknit.base.errors import SceneError
 from warpknit.knit.cloth import knit_cloth
+from warpknit.mesh.rest_table import ThreadCurve
 from warpknit.mesh.strands import cut_strands
-from warpknit.mesh.thread_curve import ThreadCurve
 from warpknit.scene import load_scene, make_scene, resolved_toml
 from warpknit.scene.outline import Outline, disc, is_simple, rectangle, regular, turned
 from warpknit.solve.model import build_model

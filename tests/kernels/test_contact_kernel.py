@@ -8,7 +8,7 @@ import pytest
 from reference.meshes import SCENES, Mesh, settled, shaken
 from reference.plane_wires import CLOSEST_POINT_TOLERANCE, EPSILON
 from warpknit.knit.clasps import Arm
-from warpknit.mesh.thread_curve import ThreadCurve
+from warpknit.mesh.rest_table import ThreadCurve
 from warpknit.planar.observables import read
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model

@@ -9,7 +9,7 @@ import pytest
 
 from warpknit import measure
 from warpknit.measure.drawn_curve import edges_of, planar_curve
-from warpknit.mesh.thread_curve import ThreadCurve
+from warpknit.mesh.rest_table import ThreadCurve
 from warpknit.planar.observables import read
 from warpknit.planar.state import initial_state
 from warpknit.results.frame import MOST_PARTS, POINTS_DRAWN, curve_parts, drawn_frame, drawn_layout

@@ -5,8 +5,8 @@ import pytest
 
 from reference.rods import SECTION, helix
 from warpknit import measure
+from warpknit.compute.arrays import DOUBLE, Precision, precision_of
 from warpknit.compute.host import fetch, store
-from warpknit.compute.precision import DOUBLE, Precision, precision_of
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation

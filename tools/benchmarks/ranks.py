@@ -25,7 +25,7 @@ import numpy as np
 from warpknit.compute.device import find_device
 from warpknit.compute.ranks import Ranks, join_ranks
 from warpknit.planar.state import initial_state
-from warpknit.planar.strip_step import StripStepper
+from warpknit.planar.world_step import StripStepper
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation

@@ -61,23 +61,17 @@ class Arc:
         return np.array([-self.bulge * np.sin(t), np.cos(t)])
 
 
-def hook_table(hook: Hook, *, segments: int, set_fraction: float) -> Table:
-    """Rest data of both wires with `segments` even segments between clamps; a node beyond each."""
-    spacing = hook.length / segments
-    nodes = segments + 1 + 2 * HELD_BEYOND
-    lines = [(Arc(hook, wire, HELD_BEYOND * spacing), nodes, spacing) for wire in (LEFT, RIGHT)]
-    return table_of_lines(lines, set_fraction=set_fraction, lead=BLOCK_SIZE + BLOCK_PAD + 6)
+def lay_out_hook(scene: Scene, hook: Hook) -> tuple[Table, Panel, float]:
+    """Nodes of both wires, their panel, wire length of a loop [m].
 
-
-def hook_panel(
-    hook: Hook, table: Table, *, set_fraction: float, contact_node: int | None = None, target_share: float = 1.0
-) -> Panel:
-    """Both wires with clamps, and the body in the middle of the lens.
-
-    `contact_node`: node of the left wire where the body sits instead, of a single contact point; its target is the middle
-    `target_share` of the right wire.
+    A wire counts as a loop. It has even segments between its clamps, and a node beyond each. The body is in the middle of the lens; a single contact
+    point is at its node of the left wire, its target the middle of the right wire.
     """
-    count = int(table.nodes[LEFT])
+    segments, set_fraction, treatment = scene.model.nodes_per_loop, scene.wire.set_fraction, choose_treatment(scene)
+    spacing, contact_node = hook.length / segments, treatment.contact_node
+    count = segments + 1 + 2 * HELD_BEYOND
+    lines = [(Arc(hook, wire, HELD_BEYOND * spacing), count, spacing) for wire in (LEFT, RIGHT)]
+    table = table_of_lines(lines, set_fraction=set_fraction, lead=BLOCK_SIZE + BLOCK_PAD + 6)
     first = np.array([0, count])
     held = np.array([0, 1, count - 2, count - 1])
     # the two nodes of an upper clamp are a block of their own (kernels/slide.py)
@@ -93,12 +87,12 @@ def hook_panel(
     if contact_node is not None:
         seed[LEFT] = contact_node
     low_end, high_end = np.full(2, END_NODES), np.full(2, count - 2 - END_NODES)
-    left_out = int(0.5 * (1.0 - target_share) * (count - 3))
+    left_out = int(0.5 * (1.0 - treatment.target_share) * (count - 3))
     low_end[RIGHT] += left_out
     high_end[RIGHT] -= left_out
     seed = np.clip(seed, low_end, high_end)
     side = np.array([1, -1])  # of the body, which lies left of the left wire and right of the right one
-    return Panel(
+    panel = Panel(
         size=np.array([hook.height, hook.height]),
         low=np.zeros(2),
         outline=None,
@@ -131,6 +125,7 @@ def hook_panel(
         rhombus_bodies=np.zeros(0, dtype=np.int64),
         sliding_clamp=as32([LEFT_TOP, RIGHT_TOP]),
     )
+    return table, panel, hook.length
 
 
 def _segment_nearest(place: np.ndarray, body: np.ndarray) -> int:
@@ -178,11 +173,9 @@ class Treatment:
         return not self.anchored and self.contact_node is None
 
 
-def choose_treatment(scene: Scene, thickness: float, contact_stiffness: float = math.inf) -> Treatment:
-    """Treatment of a scene; `thickness` [m] of the yarn at contacts, contact penalty [N/m]. Before it slips, a plane holds a body
-    no stiffer than the penalty.
-    """
-    contact = scene.contact
+def choose_treatment(scene: Scene, contact_stiffness: float = math.inf) -> Treatment:
+    """Treatment of a scene; contact penalty [N/m]. Before it slips, a plane holds a body no stiffer than the penalty."""
+    contact, thickness = scene.contact, scene.wire.thickness
     reach = scene.model.body_radius + 0.5 * thickness
     spring = contact.spring_stiffness or 0.0
     match contact.treatment:

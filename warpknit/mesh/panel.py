@@ -22,9 +22,8 @@ from ..kernels.wire_forces import BLOCK_PAD, BLOCK_SIZE
 from ..knit.cloth import Cloth
 from ..results.finding import ResultWarning
 from ..scene.outline import Outline
-from .rest_table import Table
+from .rest_table import Table, ThreadCurve
 from .strands import Strands, closed_strands, cut_strands
-from .thread_curve import ThreadCurve
 
 TANGENT_SHARE = 1e-3  # of a node spacing, either side of a clamp: where its direction is taken from
 

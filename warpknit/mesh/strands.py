@@ -11,8 +11,7 @@ import numpy as np
 
 from ..knit.cloth import Cloth
 from ..scene.outline import Outline
-from .rest_table import Table
-from .thread_curve import ThreadCurve
+from .rest_table import Table, ThreadCurve
 
 PARALLEL = 1e-12  # direction cosines below which an edge runs along weft or warp
 SAME = 1e-9  # of a thread's period: crossings nearer than this are one, as at a corner of the outline

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..compute.arrays import array, names_of, new_arrays
-from ..compute.precision import Precision
+from ..compute.arrays import Precision, array, names_of, new_arrays
 from ..kernels.contact import CURVE_COEFFICIENTS
 from ..mesh.hook_mesh import Treatment
 from ..mesh.panel import Panel

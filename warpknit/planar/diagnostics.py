@@ -119,7 +119,9 @@ class Diagnostics:
         stress = (total[:, int(k.WIRE_STRESS) :] + contact[:, int(k.PAIR_STRESS) :]).reshape(-1, 2, 2)
         unit = fetch(self.stepper.state.control)[rows, int(STRESS_UNIT)][:, None, None]
         if len(panel.held_node):
-            stress += np.rint(np.array([self._held_products(row) for row in rows.tolist()]) / unit[..., None]).sum(axis=1)
+            # held nodes move with their clamp
+            forces = np.stack([self._held_forces(row) for row in rows.tolist()])
+            stress += np.rint(np.einsum("ria,ib->riab", forces, panel.held_lever) / unit[..., None]).sum(axis=1)
         sums = [total[:, int(column)] for column in (k.ERROR_SQUARE, k.TENSION_SQUARE, k.TURNING_SQUARE)]
         sums += [contact[:, int(column)] for column in (k.CLOSED, k.FORCE_SUM, k.GAP_SQUARE)]
         sums += [stress[:, a, b] for a, b in np.ndindex(2, 2)]
@@ -143,10 +145,6 @@ class Diagnostics:
             gap_square=gap_square,
             stress=np.stack(stresses, axis=-1).reshape(-1, 2, 2) * unit / panel.area,
         )
-
-    def _held_products(self, world: int) -> np.ndarray:
-        """Contributions of held nodes (held, 2, 2) [N m] to the stress times the area; held nodes move with their clamp."""
-        return np.einsum("ia,ib->iab", self._held_forces(world), self.model.panel.held_lever)
 
     def clamp_forces(self, world: int) -> np.ndarray:
         """(clamp, 2) [N] forces of the wires on their clamps, at the last check."""

@@ -20,6 +20,7 @@ from ..kernels import clamp
 from ..kernels.contact_friction import LOOSE, TANGENTIAL
 from ..kernels.energy import evaluate_wires
 from ..kernels.wire_forces import WIRE_LANES
+from ..knit.crossings import plan_cross as cross
 from ..measure.strain import Boundary
 from .model import Model
 from .state import State
@@ -81,31 +82,21 @@ class HostState(Boundary):
         """[node] [m] of the segment that starts at the node, at the reference temperature."""
         values = self.model.table.rest_length[self.entry]
         if self.model.is_gripped:
-            for far, node in enumerate(self._segments_at_clamps):
-                values[node] = self.model.panel.wire_clamp[:, far, clamp.LENGTH]
+            panel = self.model.panel
+            for far, node in enumerate((panel.wire_first + 1, panel.wire_first + panel.wire_count - 3)):
+                values[node] = panel.wire_clamp[:, far, clamp.LENGTH]
         return values
 
     @property
     def hinge_length(self) -> np.ndarray:
         """[node] [m] wire length of the hinge at the node, at the reference temperature."""
         values = self.model.table.hinge_length[self.entry]
-        for far, following, node in self._hinges_at_clamps:
-            values[node] /= self.model.panel.wire_clamp[:, far, clamp.HINGE + following]
+        if self.model.is_gripped:
+            panel = self.model.panel
+            for far, end, inward in ((0, panel.wire_first, 1), (1, panel.wire_first + panel.wire_count - 1, -1)):
+                for following in (0, 1):
+                    values[end + inward * (1 + following)] /= panel.wire_clamp[:, far, clamp.HINGE + following]
         return values
-
-    @property
-    def _segments_at_clamps(self) -> tuple[np.ndarray, np.ndarray]:
-        """Start nodes [wire] of the first and the last segment between clamps."""
-        panel = self.model.panel
-        return panel.wire_first + 1, panel.wire_first + panel.wire_count - 3
-
-    @property
-    def _hinges_at_clamps(self) -> list[tuple[int, int, np.ndarray]]:
-        """Ends of the wire (0 at the clamp, 1 at the next node) with their nodes [wire]."""
-        if not self.model.is_gripped:
-            return []
-        first, last = self.model.panel.wire_first, self.model.panel.wire_first + self.model.panel.wire_count - 1
-        return [(0, 0, first + 1), (0, 1, first + 2), (1, 0, last - 1), (1, 1, last - 2)]
 
 
 def pair_levers(r: HostState, pairs: np.ndarray) -> np.ndarray:
@@ -115,11 +106,6 @@ def pair_levers(r: HostState, pairs: np.ndarray) -> np.ndarray:
     body = np.repeat(panel.body_rest, 2, axis=0)[pairs] - panel.pair_shift[pairs]
     entry = (panel.pair_table[pairs] + r.pair_slide[pairs])[:, None] + np.arange(-1, 3)
     return body[:, None, :] - np.stack([table.x[entry], table.y[entry]], axis=2)
-
-
-def pair_distances(r: HostState, pairs: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-    """Positions of the bodies of `pairs` relative to the `nodes` (pair, 4) (pair, 4, 2) [m]."""
-    return pair_levers(r, pairs) @ r.gradient.T + r.body_u[pairs // 2][:, None, :] - r.u[nodes]
 
 
 def read_strip(model: Model, state: State) -> HostState:
@@ -193,11 +179,6 @@ def evaluation(model: Model, state: State, parity: int, out: dict[str, wp.array]
     )  # fmt: skip
 
 
-def friction_stiffness(r: HostState) -> float:
-    """[N/m] tangential stiffness of a sticking contact."""
-    return float(TANGENTIAL) * float(r.control.contact_stiffness)
-
-
 def friction_force(r: HostState) -> np.ndarray:
     """[pair] [N] friction force on the contact points along their wires."""
     force = np.zeros(len(r.pair_force))
@@ -206,16 +187,13 @@ def friction_force(r: HostState) -> np.ndarray:
     sticks = np.flatnonzero((r.pair_stuck != float(LOOSE)) & (r.pair_force > 0))
     slip = (r.pair_slide + r.pair_u - r.pair_stuck)[sticks] * r.model.table.rest_length[r.model.panel.pair_table[sticks]]
     limit = r.model.scene.contact.friction * r.pair_force[sticks]
-    force[sticks] = np.clip(-friction_stiffness(r) * slip, -limit, limit)
+    force[sticks] = np.clip(-float(TANGENTIAL) * r.control.contact_stiffness * slip, -limit, limit)
     return force
 
 
 def friction_energy(r: HostState) -> float:
     """[J] elastic energy of sticking contacts: F_t^2/(2 k_t) each."""
-    if not len(r.pair_stuck):
-        return 0.0
-    force = friction_force(r)
-    return float(np.sum(0.5 * force**2) / friction_stiffness(r))
+    return float(np.sum(0.5 * friction_force(r) ** 2) / (float(TANGENTIAL) * r.control.contact_stiffness))
 
 
 class Join:
@@ -291,7 +269,8 @@ def bending_moments(r: HostState) -> tuple[np.ndarray, np.ndarray]:
     normal = -force.sum(axis=1)
     normal /= np.hypot(normal[:, 0], normal[:, 1])[:, None]
     body = normal * (r.pair_gap[pair] + model.contact_reach * r.length_factor)[:, None]
-    place = body[:, None, :] - pair_distances(r, pair, nodes)
+    from_nodes = pair_levers(r, pair) @ r.gradient.T + r.body_u[pair // 2][:, None, :] - r.u[nodes]
+    place = body[:, None, :] - from_nodes
     begin, end = place[:, 1], place[:, 2]
     if model.is_gripped:  # the segment next to a clamp begins, or ends, at the clamp
         at_low = ~closed & (local[:, 1] == 1)
@@ -325,8 +304,3 @@ def normal_forces(r: HostState, pair: np.ndarray) -> np.ndarray:
     friction = tangential[:, None] * np.stack([normal[:, 1], -normal[:, 0]], axis=1)
     share = np.stack([0.0 * tangential, 1.0 - r.pair_u[pair], r.pair_u[pair], 0.0 * tangential], axis=1)
     return force + share[:, :, None] * friction[:, None, :]
-
-
-def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a_x b_y - a_y b_x of vectors (n, 2)."""
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]

@@ -39,12 +39,6 @@ DRIFT_NODES = 24  # nodes a loop above which they grow with the square of the no
 NEARLY_CONVERGED = 10.0  # residual over the tolerance below which unconverged multipliers indicate taut wires
 
 
-def drift_of(nodes_per_loop: int) -> Drift:
-    """Drift criterion of the tension."""
-    lowest, highest = DRIFT_CHECKS
-    return Drift(min(highest, max(lowest, round(lowest * (nodes_per_loop / DRIFT_NODES) ** 2))))
-
-
 class PlanarWorlds(Worlds):
     """Meshes of one model, each under its own load."""
 
@@ -85,7 +79,12 @@ class PlanarWorlds(Worlds):
         self.multipliers.begin_level(rows[missing > 1.0])  # the load moves
         if not loading.all():
             self.slowest_mode.renew_damping(rows[~loading], [part[~loading] for part in boundary])
-            residual[~loading], ratio[~loading] = self._update(rows[~loading], sums.of(~loading))
+            rows, sums, solver = rows[~loading], sums.of(~loading), self.model.scene.solver
+            residual[~loading] = self.residual_of(rows, sums)
+            of_nodes = residual[~loading] / solver.residual_tolerance
+            if solver.multipliers:
+                of_nodes = np.maximum(of_nodes, self.multipliers.update(rows, sums, of_nodes < NEARLY_CONVERGED))
+            ratio[~loading] = of_nodes
             ratio = np.maximum(ratio, missing)
         return Check(residual, ratio)
 
@@ -94,14 +93,6 @@ class PlanarWorlds(Worlds):
         sums = self.diagnostics.sums(rows)
         self.checked_stress[rows] = sums.stress
         return sums
-
-    def _update(self, rows: np.ndarray, sums: Sums) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals [row] and ratios [row] of the criteria of nodes; updates multipliers."""
-        solver, residual = self.model.scene.solver, self.residual_of(rows, sums)
-        ratio = residual / solver.residual_tolerance
-        if solver.multipliers:
-            ratio = np.maximum(ratio, self.multipliers.update(rows, sums, ratio < NEARLY_CONVERGED))
-        return residual, ratio
 
     def residual_of(self, rows: np.ndarray, sums: Sums) -> np.ndarray:
         """[row] out-of-balance force and motion, for solver.residual_tolerance."""
@@ -131,7 +122,8 @@ class PlanarMechanics(Mechanics):
         self.group, self.model, self.world, self.rows = group, model, world, np.array([world])
         self.state, self.stepper = group.stepper.states[world], group.stepper.steppers[world]
         self.notes: list[str] = []
-        self.drift = drift_of(model.scene.model.nodes_per_loop)
+        lowest, highest = DRIFT_CHECKS
+        self.drift = Drift(min(highest, max(lowest, round(lowest * (model.scene.model.nodes_per_loop / DRIFT_NODES) ** 2))))
         self.neighbours = NeighbourSearch(model, self.state)
         self.history = HistoryVariables(model, self.state)
         self._relaxes = model.scene.solver.drive == "relax"
@@ -310,16 +302,16 @@ class HistoryVariables:
 
     def advance(self) -> None:
         """Update the history variables from an equilibrium."""
-        if len(self.state.pair_stuck):
-            model, state = self.model, self.state
+        model, state = self.model, self.state
+        if len(state.pair_stuck):
             sources = (model.rest, model.mesh, state, model.constants)
             bind(stick_contacts, model.pair_count, *sources, slipped=self._slipped).run(model.device)
             own = slice(None) if model.strip is None else model.strip.pair
             self._dissipate(np.sum(self._slipped.numpy()[own]))
-        if self.model.yield_moment:
+        if model.yield_moment:
             self._yield()
-        if self.model.treatment.anchored:  # anchors of bodies whose spring is at its force limit move
-            anchor_launch(draw_anchors, self.model.panel.body_count, self.model, self.state).run(self.model.device)
+        if model.treatment.anchored:  # anchors of bodies whose spring is at its force limit move
+            anchor_launch(draw_anchors, model.panel.body_count, model, state).run(model.device)
 
     def _yield(self) -> None:
         """Update plastic turning: backward Euler, bilinear bending with kinematic hardening."""
@@ -343,17 +335,9 @@ def wire_thermal_strain(model: Model, temperature: float, gradient: tuple[float,
     The temperature [K] is at the centre of the panel, its gradient [K/m] along weft and warp as knitted. Along a wire it is
     interpolated linearly from end to end: the loops deviate from it by less than a stitch.
     """
-    panel, table, wire = model.panel, model.table, model.scene.wire
-    block = np.searchsorted(panel.block_wire, np.arange(len(panel.wire_first)))
-    last_block = np.append(block[1:], len(panel.block_wire)) - 1
-    middle = panel.low + 0.5 * panel.size
-    excess = []
-    for b, entry in (
-        (block, panel.block_table[block]),
-        (last_block, panel.block_table[last_block] + panel.block_count[last_block] - 1),
-    ):
-        place = np.stack([table.x[entry], table.y[entry]], axis=1) + panel.block_origin[b] - middle
-        excess.append(place @ np.array(gradient))
-    factor = wire.length_factor(temperature)
+    panel, wire = model.panel, model.scene.wire
+    last_node, factor = panel.wire_first + panel.wire_count - 1, wire.length_factor(temperature)
+    place = model.node_rest - (panel.low + 0.5 * panel.size)
+    excess = (place[node] @ np.array(gradient) for node in (panel.wire_first, last_node))
     first, last = (wire.expansion * e / factor for e in excess)
     return np.stack([first, (last - first) / (panel.wire_count - 1)], axis=1)

@@ -10,21 +10,21 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from types import SimpleNamespace
 
 import numpy as np
 import warp as wp
 
 from ..base.errors import ModelError
 from ..base.text import at_most, exact, percent, short_repr
+from ..compute.arrays import Precision, precision_of
 from ..compute.device import start_warp
-from ..compute.precision import Precision, precision_of
 from ..compute.ranks import One, Ranks
 from ..kernels.bodies import BODY_BLOCK
 from ..kernels.contact_by_batch import PAIR_BATCH
 from ..kernels.wire_forces import BLOCK_SIZE
 from ..knit.cloth import Cloth
-from ..mesh.hook_mesh import Treatment, choose_treatment, hook_panel, hook_table
+from ..mesh.hook_mesh import Treatment, choose_treatment, lay_out_hook
 from ..mesh.layout import knit_scene, lay_out
 from ..mesh.panel import Panel
 from ..mesh.rest_table import Table
@@ -33,28 +33,13 @@ from ..mesh.tight_loops import TIGHT, approach_at_touch, first_touch
 from ..results.finding import ResultWarning
 from ..results.frame import WireLayout, curve_parts
 from ..results.row import Row
-from ..scene import Hook, Scene
+from ..scene import Scene
 from .device_arrays import MeshArrays, RestArrays, upload_mesh, upload_rest
 from .numerics import Numerics, choose_numerics
 
 CORD_SAG = 0.2  # of the size of a mesh: largest distance of its edge from its outline
 SLID = 1.0  # diameters by which wires slide along each other: the double atlas cell has 1e-3, a queen's cord 3.5
 NODES_AT_CLAMP = 3  # at either end of a wire, which clamps may shorten
-
-
-@dataclass(frozen=True)
-class Constants:
-    """Constants for kernels, in the run's precision unless the kernel takes double."""
-
-    unit: Any  # [m] of one count of a coordinate
-    gripped: int  # whether two clamps hold every wire
-    slow_when_free: int  # whether masses are fictitious (kernels/bodies.py)
-    reach_at_rest: Any  # [m] see Model.contact_reach
-    yield_moment: Any  # [N m]
-    kept_stiffness: Any  # [-] share that is left of the bending stiffness where a wire yields
-    true_stiffness: wp.float64  # [N] EA
-    friction: wp.float64  # [-] coefficient
-    block_size: int = BLOCK_SIZE
 
 
 @dataclass(frozen=True)
@@ -112,18 +97,19 @@ class Model(Numerics):
         return wire.yield_curvature * wire.bending_stiffness if wire.plastic else 0.0
 
     @cached_property
-    def constants(self) -> Constants:
-        """The constants for kernels."""
+    def constants(self) -> SimpleNamespace:
+        """Constants for kernels, in the run's precision unless the kernel takes double."""
         real, wire = self.precision.real, self.scene.wire
-        return Constants(
-            unit=real(self.precision.unit),
+        return SimpleNamespace(
+            unit=real(self.precision.unit),  # [m] of one count of a coordinate
             gripped=int(self.is_gripped),
-            slow_when_free=int(self.scene.solver.drive == "relax"),
-            reach_at_rest=real(self.contact_reach),
-            yield_moment=real(self.yield_moment),
-            kept_stiffness=real(wire.hardening),
-            true_stiffness=wp.float64(self.axial_stiffness),
-            friction=wp.float64(self.scene.contact.friction),
+            slow_when_free=int(self.scene.solver.drive == "relax"),  # whether masses are fictitious (kernels/bodies.py)
+            reach_at_rest=real(self.contact_reach),  # [m]
+            yield_moment=real(self.yield_moment),  # [N m]
+            kept_stiffness=real(wire.hardening),  # [-] share that is left of the bending stiffness where a wire yields
+            true_stiffness=wp.float64(self.axial_stiffness),  # [N]
+            friction=wp.float64(self.scene.contact.friction),  # [-] coefficient
+            block_size=BLOCK_SIZE,
         )
 
     @property
@@ -156,6 +142,12 @@ class Model(Numerics):
         values = np.repeat(table.spacing[panel.wire_thread], panel.wire_count)
         values[first + local] = np.maximum(0.0, np.minimum(arc + 0.5 * spacing, high) - np.maximum(arc - 0.5 * spacing, low))
         return values
+
+    @property
+    def node_rest(self) -> np.ndarray:
+        """(node, 2) [m] rest positions."""
+        entry, origin = self.panel.node_entry, np.repeat(self.panel.block_origin, self.panel.block_count, axis=0)
+        return np.stack([self.table.x[entry], self.table.y[entry]], axis=1) + origin
 
     @property
     def bodies(self) -> np.ndarray:
@@ -199,42 +191,22 @@ def build_model(scene: Scene, device: str = "cpu", ranks: Ranks | None = None) -
     """Build and upload the model of a scene, or this rank's strip of it. Raises `ModelError`, `MemoryNeeded`, `KnitError`."""
     start_warp()
     if scene.hook is not None:
-        return _build_hook(scene, scene.hook, device)
+        table, panel, length = lay_out_hook(scene, scene.hook)
+        model = assemble_model(scene, table, panel, device=device, loop_length=length, displacement_range=2 * length)
+        spring, limit = scene.contact.spring_stiffness, model.contact_stiffness
+        if spring is not None and spring > limit:
+            wrong = f"{exact(spring, 'N/m')} is above the contact penalty; write at most {at_most(limit, 'N/m')}"
+            raise ModelError(f"contact.spring_stiffness: {wrong}")
+        return model
     cloth = knit_scene(scene, device)
     table, panel, loop_length = lay_out(scene, cloth)
-    loop_size = max(scene.knit.wale_spacing, scene.knit.course_spacing)
-    furthest = 2 * loop_size + _edge_travel(scene)
+    # [m] largest distance of the edge from the affinely mapped outline
+    pulled = max((math.hypot(*pull.by) for stage in scene.stages for pull in stage.pull), default=0.0)
+    edge_travel = 2 * pulled + (CORD_SAG * max(scene.knit.size) if scene.panel.cord else 0.0)
+    furthest = 2 * max(scene.knit.wale_spacing, scene.knit.course_spacing) + edge_travel
     return assemble_model(
         scene, table, panel, device=device, loop_length=loop_length, displacement_range=furthest, cloth=cloth, ranks=ranks
     )
-
-
-def _edge_travel(scene: Scene) -> float:
-    """[m] largest distance of the edge from the affinely mapped outline."""
-    pulled = max((math.hypot(*pull.by) for stage in scene.stages for pull in stage.pull), default=0.0)
-    return 2 * pulled + (CORD_SAG * max(scene.knit.size) if scene.panel.cord else 0.0)
-
-
-def _build_hook(scene: Scene, hook: Hook, device: str) -> Model:
-    """The model of two hooked wires; each counts as a loop."""
-    set_fraction = scene.wire.set_fraction
-    treatment = choose_treatment(scene, scene.wire.thickness)
-    table = hook_table(hook, segments=scene.model.nodes_per_loop, set_fraction=set_fraction)
-    panel = hook_panel(
-        hook,
-        table,
-        set_fraction=set_fraction,
-        contact_node=treatment.contact_node,
-        target_share=treatment.target_share,
-    )
-    model = assemble_model(scene, table, panel, device=device, loop_length=hook.length, displacement_range=2 * hook.length)
-    limit = model.contact_stiffness
-    if scene.contact.spring_stiffness is not None and scene.contact.spring_stiffness > limit:
-        raise ModelError(
-            f"contact.spring_stiffness: {exact(scene.contact.spring_stiffness, 'N/m')} is above the contact penalty;"
-            f" write at most {at_most(limit, 'N/m')}"
-        )
-    return model
 
 
 def assemble_model(
@@ -257,7 +229,7 @@ def assemble_model(
     panel = panel if strip is None else strip.panel
     precision = precision_of(scene.solver.precision, displacement_range)
     numerics = choose_numerics(scene, table, loop_length)
-    treatment = choose_treatment(scene, scene.wire.thickness, numerics.contact_stiffness)
+    treatment = choose_treatment(scene, numerics.contact_stiffness)
     return Model(
         **vars(numerics),
         scene=scene,

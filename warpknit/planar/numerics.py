@@ -40,10 +40,7 @@ class Numerics:
 
 
 def choose_numerics(scene: Scene, table: Table, loop_length: float) -> Numerics:
-    """Softening, contact stiffness, masses and time step of the unloaded mesh.
-
-    relax: fictitious masses that are stable at unit step, so a step of 1 s. ramp: real masses, optionally scaled.
-    """
+    """Softening, contact stiffness, masses and time step of the unloaded mesh; `loop_length` [m] of wire."""
     wire = scene.wire
     h = float(table.spacing.min())
     softening = scene.solver.axial_softening
@@ -54,10 +51,10 @@ def choose_numerics(scene: Scene, table: Table, loop_length: float) -> Numerics:
         contact = HOOK_CONTACT * wire.bending_stiffness / scene.hook.radius**3
     if scene.solver.drive == "relax":
         contact = CONTACT_TO_AXIAL * max(axial, 4 * bend) if contact is None else contact
-        node = unit_step_mass(
-            wire.axial_stiffness / softening, wire.bending_stiffness, contact, h, sharpest_turn(table),
-            contact_along=contact_along(scene),
-        )  # fmt: skip
+        turn = np.abs(table.rest_angle)
+        sharpest = np.maximum(turn, np.maximum(np.roll(turn, 1), np.roll(turn, -1))) + TURN_ALLOWANCE  # [entry] with neighbours
+        soft, along = wire.axial_stiffness / softening, contact_along(scene)
+        node = unit_step_mass(soft, wire.bending_stiffness, contact, h, sharpest, contact_along=along)
         return Numerics(softening, contact, node, MASS_MARGIN * contact, 0.0, 1.0, "unit step", 0.0, 0.0)
     true_mass = wire.linear_density * table.node_length
     mass = true_mass * scene.solver.mass_scaling
@@ -112,9 +109,3 @@ def contact_along(scene: Scene) -> float:
     if scene.hook is not None:
         return 1.0
     return float(TANGENTIAL) if scene.contact.friction > 0.0 else 0.0
-
-
-def sharpest_turn(table: Table) -> np.ndarray:
-    """Largest turning angle (entry,) [rad] at a node and its neighbours, with an allowance."""
-    turn = np.abs(table.rest_angle)
-    return np.maximum(turn, np.maximum(np.roll(turn, 1), np.roll(turn, -1))) + TURN_ALLOWANCE

@@ -284,7 +284,7 @@ class PlanarObservables(HostState):
     def node_position(self) -> np.ndarray:
         """(node, 3) [m] in the frame of `stretch`; z is the rest height."""
         node = np.empty((self.model.panel.node_count, 3))
-        node[:, :2] = (self._node_rest() - self._rest_corner) @ self.stretch.T
+        node[:, :2] = (self.model.node_rest - self._rest_corner) @ self.stretch.T
         node[:, :2] += self.u @ rotation(self.clamp_rotation).T
         node[:, 2] = self.model.table.z[self.entry]
         return node
@@ -299,17 +299,11 @@ class PlanarObservables(HostState):
         height = table.z[self.entry][panel.pair_seed].reshape(-1, 2).mean(axis=1)
         return np.column_stack([body, height])
 
-    def _node_rest(self) -> np.ndarray:
-        """(node, 2) [m] rest positions."""
-        panel, table = self.model.panel, self.model.table
-        origin = np.repeat(panel.block_origin, panel.block_count, axis=0)
-        return np.stack([table.x[self.entry], table.y[self.entry]], axis=1) + origin
-
     @property
     def _rest_corner(self) -> np.ndarray:
         """(2,) [m] lower corner of the mesh at rest."""
         panel = self.model.panel
-        return self._node_rest().min(axis=0) if panel.boundary == "periodic" else panel.clamp_position.min(axis=0)
+        return self.model.node_rest.min(axis=0) if panel.boundary == "periodic" else panel.clamp_position.min(axis=0)
 
     corner = np.zeros(3)  # (3,) [m] origin of the positions
 

@@ -62,14 +62,10 @@ class State:
     pair_nodal_y: wp.array = array("real", "pair node")
     clamp_from: wp.array = array(wp.vec2d, "clamp")  # [m] displacement from the affinely mapped outline, at the start of the ramp
     clamp_to: wp.array = array(wp.vec2d, "clamp")  # [m] the same at its end
-    pair_stuck: wp.array = array(
-        wp.float64, "stuck"
-    )  # place where it sticks to its wire, with friction (kernels/contact_friction.py)
+    pair_stuck: wp.array = array(wp.float64, "stuck")  # where it sticks to its wire, with friction (kernels/contact_friction.py)
     plastic_turn: wp.array = array("real", "turn")  # [rad] plastic turning of the nodes; one without yield (kernels/bend.py)
     back_turn: wp.array = array("real", "turn")  # [rad] back turning of kinematic hardening
-    wire_thermal_strain: wp.array = array(
-        wp.vec2d, "wire"
-    )  # excess of the length factor at its first node, relative, and its growth
+    wire_thermal_strain: wp.array = array(wp.vec2d, "wire")  # relative excess of the length factor at its first node, its growth
     cached_slide: wp.array = array(wp.int32, "batched")  # cache of kernels/contact_by_batch.py; follows from the other arrays
     cached_node: wp.array = array(wp.int32, "batched node")
     cached_number: wp.array = array("real", "batched number")
@@ -80,15 +76,18 @@ class State:
 
     def world(self, index: int) -> State:
         """One of the worlds of `initial_worlds`: its arrays are rows of the common ones."""
-        return self._with(lambda array: array[index] if array.size else _empty(array.shape[1:], array))
+        return self._with(lambda array: array[index], lambda shape: shape[1:])
 
     def alone(self) -> State:
         """This state as the only one of worlds, with the same memory."""
-        return self._with(lambda array: array.reshape((1, *array.shape)) if array.size else _empty((1, *array.shape), array))
+        return self._with(lambda array: array.reshape((1, *array.shape)), lambda shape: (1, *shape))
 
-    def _with(self, change: Callable[[wp.array], wp.array]) -> State:
-        """The same with all arrays changed."""
-        return State(**{f.name: change(getattr(self, f.name)) for f in fields(self) if f.name != "parity"}, parity=self.parity)
+    def _with(self, view: Callable[[wp.array], wp.array], reshaped: Callable[[tuple[int, ...]], tuple[int, ...]]) -> State:
+        """The same with views of all arrays; Warp makes none of an empty one."""
+        arrays = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "parity"}
+        for name, one in arrays.items():
+            arrays[name] = view(one) if one.size else wp.empty(reshaped(one.shape), dtype=one.dtype, device=one.device)
+        return State(**arrays, parity=self.parity)
 
     def arrays(self, *, copied: bool = True) -> dict[str, np.ndarray]:
         """All arrays on the host, by name; not `copied`: on a CPU valid until the next step."""
@@ -136,11 +135,6 @@ class State:
 KEPT = names_of(
     State, "node", "wire", "sliding clamp", "body", "anchor", "pair", "pair node", "clamp", "turn", "stuck", "control"
 )
-
-
-def _empty(shape: tuple[int, ...], like: wp.array) -> wp.array:
-    """An empty array that is not a view (Warp makes none of it)."""
-    return wp.empty(shape, dtype=like.dtype, device=like.device)
 
 
 def initial_state(model: Model) -> State:

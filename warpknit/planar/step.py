@@ -8,7 +8,7 @@ and so the result, does not depend on their number.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cached_property
 from itertools import chain
 from typing import Any
@@ -143,13 +143,12 @@ class Stepper:
         """Functions for stages of work at the present parity, one a thread."""
         key = (stages, self.state.parity)
         if key not in self._runs:
-            self._runs[key] = [replay(self._launches_of(stages, part), self.model.device) for part in range(self.threads)]
+            self._runs[key] = []
+            for part in range(self.threads):
+                first, *later = [stage(self, part) for stage in stages]
+                launches = [*first, *chain.from_iterable([*self.team.barrier(), *launches] for launches in later)]
+                self._runs[key].append(replay(launches, self.model.device))
         return self._runs[key]
-
-    def _launches_of(self, stages: Sequence[Stage], part: int) -> list[Launch]:
-        """One thread's part of stages of work, with barriers in between."""
-        launches = [stage(self, part) for stage in stages]
-        return [*launches[0], *chain.from_iterable([*self.team.barrier(), *later] for later in launches[1:])]
 
     def evaluate_contact(self) -> None:
         """Contact forces of the current state, without a step."""
@@ -170,7 +169,10 @@ class Stepper:
             pair, end = batch * PAIR_BATCH, min((batch + batches) * PAIR_BATCH, model.pair_count)
             pairs = max(0, end - pair)
         friction = [bind(add_friction, pairs, *sources, first_pair=pair)] if len(state.pair_stuck) else []
-        return [search, *friction, *contact_launches(model, state, part)]
+        node = model.treatment.contact_node is not None and part == 0
+        pinball = wp.float64(model.treatment.pinball)
+        point = [bind(apply_contact_force, model.panel.body_count, model.mesh, state, pinball=pinball)] if node else []
+        return [search, *friction, *point]
 
     def launches(self, parity: int, part: int = 0) -> list[Launch]:
         """One thread's part of a step: contact, wires and bodies; the first thread also grips and control."""
@@ -182,34 +184,21 @@ class Stepper:
 
     def _motion(self, parity: int, part: int) -> list[Launch]:
         """One thread's part of the motion: wires and bodies; the first thread also grips."""
-        model, state = self.model, self.state
-        now, then = parity, 1 - parity
+        model, state, now, then = self.model, self.state, parity, 1 - parity
         block, blocks = self.blocks_of(part)
         body, bodies = self.team.share(body_blocks(model), part)
-        return [
-            self.wire_launch(now, block, blocks, state.node_vx, state.node_vy, state.node_ux[then], state.node_uy[then]),
-            *body_launches(model, state, then, body, bodies),
-            *([self._stress_launch(body, bodies)] if self.counts_stress else []),
-            *self.team.barrier(),
-            *(self._grips(then) if part == 0 else []),
-        ]
-
-    def _stress_launch(self, first_row: int, rows: int) -> Launch:
-        """The stress of the pairs, as rows of the sums of bodies."""
-        model, state = self.model, self.state
-        of_row = {"first_row": first_row, "row_pairs": -(-model.pair_count // body_blocks(model))}
-        return bind(count_stress_of_pairs, rows, model.rest, model.mesh, state, model.constants, **of_row)
-
-    def _grips(self, then: int) -> list[Launch]:
-        model, state = self.model, self.state
-        rest, mesh = model.rest, model.mesh
-        moved = {"ux": state.node_ux[then], "uy": state.node_uy[then]}
-        sliding, held = len(model.panel.sliding_clamp), mesh.held_node.shape[0]
-        speeds = {"vx": state.node_vx, "vy": state.node_vy}
-        return [
-            bind(slide_clamps, sliding, rest, mesh, state, partial=state.wire_partial, **speeds, **moved),
-            bind(move_held_nodes, held, mesh, state, model.constants, **moved),
-        ]
+        speeds, moved = {"vx": state.node_vx, "vy": state.node_vy}, {"ux": state.node_ux[then], "uy": state.node_uy[then]}
+        wires = self.wire_launch(now, block, blocks, *speeds.values(), *moved.values())
+        work = [wires, *body_launches(model, state, then, body, bodies)]
+        if self.counts_stress:  # of the pairs, as rows of the sums of bodies
+            of_row = {"first_row": body, "row_pairs": -(-model.pair_count // body_blocks(model))}
+            work.append(bind(count_stress_of_pairs, bodies, model.rest, model.mesh, state, model.constants, **of_row))
+        work += self.team.barrier()
+        if part == 0:
+            sources, sliding, held = (model.mesh, state), len(model.panel.sliding_clamp), model.mesh.held_node.shape[0]
+            work.append(bind(slide_clamps, sliding, model.rest, *sources, partial=state.wire_partial, **speeds, **moved))
+            work.append(bind(move_held_nodes, held, *sources, model.constants, **moved))
+        return work
 
     def wire_launch(
         self, now: int, first_block: int, blocks: int, vx: wp.array, vy: wp.array, ux_out: wp.array, uy_out: wp.array
@@ -245,15 +234,6 @@ def body_launch(model: Model, state: State, blocks: int, first_block: int, bodie
         step_bodies, blocks * threads, constants, control=control, first_block=first_block, threads_a_block=threads,
         partial=partial_sums, **forces, **moved,
     )  # fmt: skip
-
-
-def contact_launches(model: Model, state: State, part: int) -> list[Launch]:
-    """Launches of the contact constraint on contact forces."""
-    treatment = model.treatment
-    if treatment.contact_node is None or part > 0:
-        return []
-    pinball = wp.float64(treatment.pinball)
-    return [bind(apply_contact_force, model.panel.body_count, model.mesh, state, pinball=pinball)]
 
 
 def body_launches(model: Model, state: State, then: int, first: int, blocks: int) -> list[Launch]:

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..compute.arrays import array, new_arrays
+from ..compute.arrays import Precision, array, new_arrays
 from ..compute.host import is_in_place, shared
-from ..compute.precision import Precision
 from ..kernels.wire_closest import PLACES
 from ..kernels.wire_curve import Bump
 from .rest_curve import RestCurve

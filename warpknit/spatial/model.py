@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..base.text import at_least, exact, short_repr
+from ..compute.arrays import Precision, precision_of
 from ..compute.device import start_warp
 from ..compute.memory import refuse_beyond_memory
-from ..compute.precision import Precision, precision_of
 from ..compute.ranks import One, Ranks
 from ..knit.cloth import Cloth
-from ..mesh.hook_mesh import hook_panel, hook_table
+from ..mesh.hook_mesh import lay_out_hook
 from ..mesh.layout import knit_scene, lay_out
 from ..mesh.panel import Panel
 from ..mesh.rest_table import Table
@@ -215,9 +215,8 @@ def _whole_model(scene: Scene, device: str) -> SpatialModel:
         curve, spacing = catmull_rom(rods), float(rods.natural_length[rods.following >= 0].min())
     else:
         if scene.hook is not None:
-            segments, set_fraction, loop_length = scene.model.nodes_per_loop, scene.wire.set_fraction, scene.hook.length
-            table = hook_table(scene.hook, segments=segments, set_fraction=set_fraction)
-            panel = hook_panel(scene.hook, table, set_fraction=set_fraction)
+            table, panel, loop_length = lay_out_hook(scene, scene.hook)
+            segments = scene.model.nodes_per_loop
             wires, spacing = hook_wires(scene.hook, panel, segments), loop_length / segments
         else:
             cloth = knit_scene(scene, device)

@@ -23,8 +23,7 @@ import numpy as np
 from ..knit.cloth import Cloth
 from ..mesh.hook_mesh import LEFT, LEFT_TOP, RIGHT, RIGHT_TOP, Arc
 from ..mesh.panel import Panel
-from ..mesh.rest_table import Table
-from ..mesh.thread_curve import ThreadCurve
+from ..mesh.rest_table import Table, ThreadCurve
 from ..scene import Hook
 from .rest_curve import FIT_PLACES, CentreLine
 

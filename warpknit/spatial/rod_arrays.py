@@ -13,11 +13,10 @@ import numpy as np
 import warp as wp
 
 from ..base.text import short_repr
-from ..compute.arrays import array, names_of, new_arrays
+from ..compute.arrays import DOUBLE, Precision, array, names_of, new_arrays
 from ..compute.host import fetch, is_in_place, lanes, store
 from ..compute.kept import rows_of
 from ..compute.launch import Launch, bind
-from ..compute.precision import DOUBLE, Precision
 from ..compute.steering import Steering
 from ..kernels import (
     banded_mass,

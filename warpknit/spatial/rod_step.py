@@ -22,10 +22,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import warp as wp
 
+from ..compute.arrays import DOUBLE, Precision
 from ..compute.host import fetch, store
 from ..compute.kept import rows_of
 from ..compute.launch import Launch, bind, fewer_rows, replay
-from ..compute.precision import DOUBLE, Precision
 from ..compute.steering import Steering
 from ..compute.team import SharedLaunches, Team
 from ..kernels.control import STATUS, update_controls
