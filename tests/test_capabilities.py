@@ -14,7 +14,7 @@ from scene_reference import COLUMNS, capabilities_page, compatibility, with_need
 from warpknit.base.errors import InputError
 from warpknit.commands.cli import main
 from warpknit.commands.plan import overview_of
-from warpknit.compute.ranks import One
+from warpknit.compute.ranks import Ranks
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene, make_scene
 from warpknit.scene.capabilities import AT_COMMAND, GROUPS, RULES, TRAITS, Case
@@ -26,7 +26,7 @@ BY_SIZE = "about ten a side"  # a limit of size, which is no row of the table
 COMMANDS = ("map", "trade", "report")
 
 
-class Two(One):
+class Two(Ranks):
     count = 2
 
 

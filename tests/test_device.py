@@ -16,7 +16,7 @@ from warpknit.commands.cli import main
 from warpknit.commands.plan import overview_of
 from warpknit.commands.run import run
 from warpknit.compute import DEFAULT_DEVICE, LEAST_NODES, device, device_of_mesh, memory
-from warpknit.compute.ranks import One
+from warpknit.compute.ranks import Ranks
 from warpknit.mesh.layout import knit_scene
 from warpknit.runner import run as runner
 from warpknit.scene import Scene, load_scene
@@ -31,7 +31,7 @@ class Reached(Exception):
     """A fake has been called, and the test ends there."""
 
 
-class Pair(One):
+class Pair(Ranks):
     """One of two ranks, alone."""
 
     count = 2

@@ -18,7 +18,7 @@ from reference.thread_ranks import run_ranks
 from warpknit import measure
 from warpknit.base.errors import SceneError
 from warpknit.compute.host import LEAST_BYTES, fetch, store
-from warpknit.compute.ranks import One, Ranks
+from warpknit.compute.ranks import Ranks
 from warpknit.runner.run import run_scene
 from warpknit.scene import Scene, load_scene
 from warpknit.solve.model import build_model
@@ -112,7 +112,7 @@ def test_ranks_that_share_a_mesh_have_the_bits_of_one(name: str, device: str) ->
         simulation, _last = last_of(scene_of(name), device, ranks)
         return simulation.mechanics.state_variables()
 
-    alone = variables(One())
+    alone = variables(Ranks())
     for shared in run_ranks(2, variables):
         assert {name for name in alone if not np.array_equal(alone[name], shared[name])} == set()
 

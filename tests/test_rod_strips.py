@@ -16,7 +16,7 @@ from reference.thread_ranks import run_ranks
 from warpknit import measure
 from warpknit.base.errors import Diverged, ModelError, SceneError
 from warpknit.compute.host import fetch, store
-from warpknit.compute.ranks import One, Ranks
+from warpknit.compute.ranks import Ranks
 from warpknit.mesh.rim import LoadPoint
 from warpknit.scene import Scene, load_scene
 from warpknit.solve import simulate
@@ -83,7 +83,7 @@ def assert_same_bits(shared: SpatialObservables, alone: SpatialObservables) -> N
 # --- how a mesh is cut
 
 
-class Rank(One):
+class Rank(Ranks):
     """One of several ranks, which only says so."""
 
     def __init__(self, rank: int, count: int) -> None:
@@ -178,7 +178,7 @@ def test_a_ramp_in_space_is_refused_on_ranks() -> None:
 def test_strips_converge_like_the_whole_mesh(knit: str, repeats: list[int], boundary: str, ranks: int) -> None:
     """The same steps and the same bits; on all ranks the same decisions, but for the last bits of sums of a step."""
     here = scene(knit, repeats, boundary, 0.1 if knit == "double atlas" else 0.07 if knit == "tricot" else 0.05)
-    alone, steps, *_ = last_reading(here, One())
+    alone, steps, *_ = last_reading(here, Ranks())
     results = run_ranks(ranks, lambda r: last_reading(here, r))
     assert [taken for _, taken, *_ in results] == ranks * [steps]
     assert all(np.array_equal(control, results[0][2]) for _, _, control, _ in results)
@@ -190,7 +190,7 @@ def test_strips_converge_like_the_whole_mesh(knit: str, repeats: list[int], boun
 def test_strips_in_single_precision_with_two_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("WARPKNIT_THREADS", "2")
     here = scene("tricot", [6, 3], "gripped", solver={"precision": "single"})
-    alone, steps, *_ = last_reading(here, One())
+    alone, steps, *_ = last_reading(here, Ranks())
     (shared, taken, *_), _ = run_ranks(2, lambda r: last_reading(here, r))
     assert taken == steps
     assert_same_bits(shared, alone)
@@ -201,7 +201,7 @@ def test_strips_driven_by_tension_find_the_same_strain() -> None:
     load = {"strain_weft": None, "strain_warp": None, "tension_weft": 0.5, "tension_warp": 0.5}
     here = scene("tricot", [4, 2], "periodic")
     here = here.changed([f"load={ {k: v for k, v in load.items() if v is not None} }".replace("'", "").replace(":", "=")])
-    alone, steps, *_ = last_reading(here, One())
+    alone, steps, *_ = last_reading(here, Ranks())
     (shared, taken, *_), _ = run_ranks(2, lambda r: last_reading(here, r))
     assert taken == steps
     assert_same_bits(shared, alone)
@@ -211,7 +211,7 @@ def test_strips_remember_friction_and_yield() -> None:
     """Where contacts stick and how wires have yielded: the same bits, and the heat of both added up over the strips."""
     tables = {"contact": {"friction": 0.3}, "wire": {"plastic": True, "yield_stress": 2e8}, "model": {"nodes_per_loop": 14}}
     here = scene("tricot", [4, 2], "gripped", 0.03, **tables)
-    alone, steps, _, heat = last_reading(here, One())
+    alone, steps, _, heat = last_reading(here, Ranks())
     (shared, taken, _, shared_heat), _ = run_ranks(2, lambda r: last_reading(here, r))
     assert taken == steps and heat > 0.0 and np.any(alone.plastic_curvature != 0.0) and np.any(alone.touching.friction != 0.0)
     assert_same_bits(shared, alone)
@@ -222,7 +222,7 @@ def test_strips_remember_friction_and_yield() -> None:
 @pytest.mark.slow
 def test_strips_in_a_temperature_field() -> None:
     here = scene("single atlas", [6, 2], "gripped", load={"temperature": 330.0, "temperature_gradient": [800.0, 0.0]})
-    alone, *_ = last_reading(here, One())
+    alone, *_ = last_reading(here, Ranks())
     (shared, *_), _ = run_ranks(2, lambda r: last_reading(here, r))
     assert np.any(alone.thermal_strain != 0.0) and np.array_equal(shared.thermal_strain, alone.thermal_strain)
     assert_same_bits(shared, alone)
@@ -246,7 +246,7 @@ def test_strips_are_one_membrane() -> None:
         place = fetch(drive.state.displacement).copy()
         return force, place, np.arange(len(place)) if model.strip is None else model.strip.nodes_of_mesh
 
-    force, place, _ = gathered_and_moved(One())
+    force, place, _ = gathered_and_moved(Ranks())
     assert np.abs(force).max() > 0.0
     for shared, moved, nodes in run_ranks(2, gathered_and_moved):
         assert np.array_equal(shared, force)
@@ -259,7 +259,7 @@ def test_large_strips_start_from_a_smaller_mesh_and_move_as_a_membrane(least: in
     """12 x 12 repeats, and the smaller mesh shared too, or every rank has it to itself."""
     monkeypatch.setattr(simulate, "NODES_A_STRIP", least)
     here = scene("double atlas", [12, 12], "gripped", 0.1, model={"nodes_per_loop": 20})
-    alone, steps, *_ = last_reading(here, One())
+    alone, steps, *_ = last_reading(here, Ranks())
     (shared, taken, *_), _ = run_ranks(2, lambda r: last_reading(here, r))
     assert taken == steps
     assert_same_bits(shared, alone)
@@ -272,7 +272,7 @@ def test_large_strips_under_a_tension_begin_at_the_same_strain(monkeypatch: pyte
     monkeypatch.setattr(simulate, "NODES_A_STRIP", 100)
     here = scene("reverse locknit", [13, 13], "gripped", model={"nodes_per_loop": 20})
     here = here.changed(["load={tension_weft=0.05, tension_warp=0.05}"])
-    alone, steps, *_ = last_reading(here, One())
+    alone, steps, *_ = last_reading(here, Ranks())
     (shared, taken, *_), _ = run_ranks(2, lambda r: last_reading(here, r))
     assert taken == steps
     assert_same_bits(shared, alone)
@@ -291,7 +291,7 @@ def test_all_ranks_say_which_wires_overlap() -> None:
         mechanics.contact.search()
         return mechanics.deepest_overlap()
 
-    alone = text(One())
+    alone = text(Ranks())
     assert alone
     assert run_ranks(2, text) == [alone, alone]
 
@@ -309,7 +309,7 @@ def test_a_level_that_fails_is_reached_in_smaller_increments_by_all_ranks(monkey
 
     monkeypatch.setattr(Relaxation, "corrected", refused)
     here = scene("tricot", [4, 2], "gripped")
-    alone, steps, *_ = last_reading(here, One())
+    alone, steps, *_ = last_reading(here, Ranks())
     (shared, taken, *_), _ = run_ranks(2, lambda r: last_reading(here, r))
     assert taken == steps
     assert_same_bits(shared, alone)
@@ -327,5 +327,5 @@ def test_forces_on_the_nodes_of_the_mesh() -> None:
         *_, last = simulation.run()
         return last.observables
 
-    alone = lifted(One())
+    alone = lifted(Ranks())
     assert_same_bits(run_ranks(2, lifted)[0], alone)

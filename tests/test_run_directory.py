@@ -10,7 +10,7 @@ import pytest
 from reference.in_words import options
 from warpknit.base.errors import RunDirectoryError, naming_arguments
 from warpknit.base.files import held_directory
-from warpknit.compute.ranks import One
+from warpknit.compute.ranks import Ranks
 from warpknit.results.run import load_run
 from warpknit.runner import run as run_module
 from warpknit.runner.monitor import FILE, Checkpoint
@@ -117,7 +117,7 @@ def test_a_checkpoint_of_another_version_is_refused_in_one_line(progress, tmp_pa
     path.parent.mkdir()
     np.savez(path, about=np.array(json.dumps({"ranks": 1, "turn": 0, "wall_s": 0.0, "progress": progress})))
     with pytest.raises(RunDirectoryError, match=f"{FILE}: .* --force"):
-        Checkpoint(tmp_path, One())
+        Checkpoint(tmp_path, Ranks())
 
 
 @pytest.mark.parametrize("names", [("scene.toml",), ("history.csv", "summary.json"), ("figures/paper.png",)])

@@ -14,7 +14,7 @@ from reference.planar import planar_scene
 from reference.thread_ranks import run_ranks
 from warpknit import measure
 from warpknit.base.errors import ModelError
-from warpknit.compute.ranks import One, Ranks
+from warpknit.compute.ranks import Ranks
 from warpknit.mesh.panel import Panel
 from warpknit.mesh.rim import LoadPoint
 from warpknit.mesh.strip import Strip, cut_strip
@@ -106,7 +106,7 @@ def test_strips_come_to_rest_like_the_whole_mesh(repeats: list[int], boundary: s
     """Loaded to 10 % both ways and brought to rest: the same steps and the same bits, on all ranks the same decisions. The 4 x 2
     tile starts from one repeat; one repeat has two wires, which hook only each other and themselves round the tile."""
     here = scene(repeats, boundary)
-    alone, steps, _ = last_reading(here, One())
+    alone, steps, _ = last_reading(here, Ranks())
     results = run_ranks(ranks, lambda r: last_reading(here, r))
     assert [taken for _, taken, _ in results] == ranks * [steps]
     assert all(np.array_equal(control, results[0][2]) for _, _, control in results)
@@ -131,7 +131,7 @@ def test_strips_are_one_membrane() -> None:
         body = np.arange(model.panel.body_count) if model.strip is None else model.strip.body
         return force, read(model, state), [body, state.body_ux.numpy().copy()]
 
-    force, alone, (_, body_ux) = gathered_and_moved(One())
+    force, alone, (_, body_ux) = gathered_and_moved(Ranks())
     results = run_ranks(2, gathered_and_moved)
     scale = np.abs(force).max()
     assert scale > 0.0
@@ -148,7 +148,7 @@ def test_large_strips_start_from_a_smaller_mesh_and_move_as_a_membrane(least: in
     count of a displacement. It did not in this case."""
     monkeypatch.setattr(simulate, "NODES_A_STRIP", least)  # the smaller mesh is shared, too, or every rank has it to itself
     here = scene([14, 14], "gripped")
-    alone, steps, _ = last_reading(here, One())
+    alone, steps, _ = last_reading(here, Ranks())
     (shared, taken, _), _ = run_ranks(2, lambda r: last_reading(here, r))
     assert taken == steps
     assert np.abs(shared.u - alone.u).max() <= 1e-4 * np.abs(alone.u).max()
@@ -158,7 +158,7 @@ def test_large_strips_start_from_a_smaller_mesh_and_move_as_a_membrane(least: in
 def test_strips_driven_by_tension_find_the_same_strain() -> None:
     """The first rank measures the tension and tells the others; its sums over the whole mesh are those of one rank."""
     here = scene([2, 2], "periodic", 'load.tension_weft="0.01 N/m"', 'load.tension_warp="0.01 N/m"', "output.frames=1")
-    alone, steps, _ = last_reading(here, One())
+    alone, steps, _ = last_reading(here, Ranks())
     (shared, taken, _), _ = run_ranks(2, lambda r: last_reading(here, r))
     assert taken == steps
     assert_same_bits(shared, alone)
@@ -178,7 +178,7 @@ def test_strips_remember_friction_and_yield() -> None:
         *_, last = simulation.run()
         return last.observables, simulation.mechanics.history.dissipated
 
-    alone, heat = at_the_end(One())
+    alone, heat = at_the_end(Ranks())
     (shared, shared_heat), _ = run_ranks(2, at_the_end)
     assert heat > 0.0 and np.any(alone.plastic_turn != 0.0)
     assert_same_bits(shared, alone)
@@ -193,7 +193,7 @@ def test_strips_of_a_panel_on_cords() -> None:
     facet = {"outline": "hexagon", "size": 0.015, "grip_pitch": 0.0075, "cord": {"tension": 0.5, "stiffness": 50.0}}
     load = {"strain_weft": 0.05, "strain_warp": 0.05, "temperature": 330.0, "temperature_gradient": [800.0, 0.0]}
     here = planar_scene({"panel": facet, "load": load, "solver": {"preset": "draft"}, "output": {"frames": 1}})
-    alone, steps, _ = last_reading(here, One())
+    alone, steps, _ = last_reading(here, Ranks())
     (shared, taken, _), _ = run_ranks(2, lambda r: last_reading(here, r))
     assert taken == steps
     assert np.abs(alone.clamp_shift).max() > 0.0
@@ -206,7 +206,7 @@ def test_strips_ramp_like_the_whole_mesh() -> None:
     """Real time: step, work and steadiness come from sums over all strips."""
     ramp = ("solver.drive=ramp", 'solver.loading_time="0.2 ms"', "solver.damping=30000", "solver.residual_tolerance=0.05")
     here = scene([2, 2], "gripped", *STRAIN, *ramp)
-    alone, steps, _ = last_reading(here, One())
+    alone, steps, _ = last_reading(here, Ranks())
     (shared, taken, _), _ = run_ranks(2, lambda r: last_reading(here, r))
     assert taken == steps
     assert_same_bits(shared, alone)
@@ -229,7 +229,7 @@ def test_threads_and_kernels_of_strips(precision: str, threads: int, by_pair: bo
             assert np.count_nonzero(reading.pair_force) > 0
         return reading.u
 
-    alone = displacements(One())
+    alone = displacements(Ranks())
     assert np.array_equal(run_ranks(2, displacements)[0], alone)
 
 
@@ -240,12 +240,12 @@ def test_threads_and_kernels_of_strips(precision: str, threads: int, by_pair: bo
 def test_exact_sums_do_not_depend_on_who_adds(values: list[float], cut: int) -> None:
     """Ranks with two parts of a list find the rounded sum of all values, wherever the list is cut."""
 
-    class Two(One):
+    class Two(Ranks):
         def everyone(self, value):
             return [values_of(values[:cut]), values_of(values[cut:])]
 
     assert Two().exact_sum(values_of(values[:cut]))[0] == math.fsum(values)
-    assert One().exact_sum(values_of(values))[0] == math.fsum(values)
+    assert Ranks().exact_sum(values_of(values))[0] == math.fsum(values)
 
 
 def values_of(numbers: list[float]) -> np.ndarray:
@@ -253,7 +253,7 @@ def values_of(numbers: list[float]) -> np.ndarray:
 
 
 def test_a_number_that_is_not_finite_shows_in_the_sum() -> None:
-    assert math.isnan(One().exact_sum(np.array([[1.0], [math.inf], [-math.inf]]))[0])
+    assert math.isnan(Ranks().exact_sum(np.array([[1.0], [math.inf], [-math.inf]]))[0])
 
 
 def test_an_error_of_the_first_rank_is_raised_on_all() -> None:

@@ -14,7 +14,7 @@ import pytest
 
 from warpknit import Simulation, build_model, load_scene
 from warpknit.base.errors import ModelError
-from warpknit.compute.ranks import One
+from warpknit.compute.ranks import Ranks
 from warpknit.spatial.rods import BENT_SHARE, Section, rods_of
 
 DIAMETER, STRAIN = 0.1, 1e-3  # [mm]
@@ -130,5 +130,5 @@ def test_the_stiffness_of_a_wire_is_that_of_a_bent_spring() -> None:
 
 
 def test_a_sum_beyond_the_largest_number_is_not_a_number() -> None:
-    sums = One().exact_sum(np.array([[1e308, np.inf, 1.0], [1e308, -np.inf, 2.0]]))
+    sums = Ranks().exact_sum(np.array([[1e308, np.inf, 1.0], [1e308, -np.inf, 2.0]]))
     assert math.isnan(sums[0]) and math.isnan(sums[1]) and sums[2] == 3.0

@@ -9,7 +9,7 @@ from warpknit.commands.plan import overview_of
 from warpknit.scene import SceneError, load_scene
 from warpknit.spatial.from_file import panel_of_wires
 from warpknit.spatial.rod_step import RodStepper
-from warpknit.wires.directors import even_directors, twist
+from warpknit.wires.centre_lines import even_directors, twist
 from warpknit.wires.read import read_wires
 
 TURNS, POINTS = 2, 48  # of a helix, and of each turn

@@ -17,7 +17,7 @@ import click
 
 from ..base.errors import BAD_INPUT, FAULT, FINISHED, INTERRUPTED, OUT_OF_RESOURCES, WarpknitError
 from ..compute import DEFAULT_DEVICE
-from ..compute.ranks import One, Ranks, join_ranks, started_as
+from ..compute.ranks import Ranks, join_ranks, started_as
 
 UNUSABLE_PATH = (errno.EACCES, errno.EPERM, errno.EROFS, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.ENAMETOOLONG)
 
@@ -61,7 +61,7 @@ class Program(click.Group):
 
     def main(self, *args: Any, **options: Any) -> NoReturn:
         options["standalone_mode"] = False
-        ranks: Ranks = One()
+        ranks: Ranks = Ranks()
         line = ""
         try:
             ranks = options["obj"] = join_ranks()

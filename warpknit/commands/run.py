@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..base.errors import FINISHED, INTERRUPTED, Diverged, InputError, ModelError, RunDirectoryError, in_python, naming_arguments
-from ..compute.ranks import One, Ranks
+from ..compute.ranks import Ranks
 from ..knit.lapping import KnitError
 from ..reflection.checks import options_of
 from ..reflection.study import reflect
@@ -124,7 +124,7 @@ def run_command(
     ranks: Ranks | None = None,
 ) -> CommandResult[Summary | None]:
     """`warpknit run`: with the settings for an `error` [%] where it is given. Raises as `run_scene` does."""
-    estimator, ranks = None, ranks or One()
+    estimator, ranks = None, ranks or Ranks()
     if error is not None:
         percent = percentage(error)
         from ..studies.probe_run import estimate_of, settings_for_error

@@ -65,24 +65,18 @@ def rows_of(array: Any, world: int, worlds: int) -> slice:
 
 
 def _names(variables: Any) -> tuple[str, ...]:
-    if hasattr(variables, "KEPT"):
-        names: tuple[str, ...] = variables.KEPT
-        return names
-    if is_dataclass(variables):
-        return tuple(field.name for field in fields(variables))
-    raise TypeError(f"{type(variables).__name__} names no variables to keep")
+    return variables.KEPT if hasattr(variables, "KEPT") else tuple(field.name for field in fields(variables))
 
 
 def _save_variables(owner: Owner, prefix: str, kept: Kept, *, copied: bool) -> None:
     variables, world, _ = owner
     if hasattr(variables, "arrays") and hasattr(variables, "restore"):
         kept.update({f"{prefix}{name}": value for name, value in variables.arrays(copied=copied).items()})
-        return
-    if not hasattr(variables, "KEPT") and hasattr(variables, "state_dict"):
+    elif not hasattr(variables, "KEPT") and hasattr(variables, "state_dict"):
         kept.update({f"{prefix}{name}": value for name, value in variables.state_dict(world).items()})
-        return
-    for name in _names(variables):
-        _save(getattr(variables, name), f"{prefix}{name}", owner, kept, copied=copied)
+    else:
+        for name in _names(variables):
+            _save(getattr(variables, name), f"{prefix}{name}", owner, kept, copied=copied)
 
 
 def _save(value: Any, name: str, owner: Owner, kept: Kept, *, copied: bool) -> None:
@@ -115,15 +109,14 @@ def _restore_variables(owner: Owner, prefix: str, kept: Kept) -> None:
     variables, world, _ = owner
     if hasattr(variables, "arrays") and hasattr(variables, "restore"):
         variables.restore(strip_prefix(prefix, kept))
-        return
-    if not hasattr(variables, "KEPT") and hasattr(variables, "state_dict"):
+    elif not hasattr(variables, "KEPT") and hasattr(variables, "state_dict"):
         variables.load_state_dict(strip_prefix(prefix, kept), world)
-        return
-    for name in _names(variables):
-        before = getattr(variables, name)
-        now = _restored(before, f"{prefix}{name}", owner, kept)
-        if now is not before:
-            setattr(variables, name, now)
+    else:
+        for name in _names(variables):
+            before = getattr(variables, name)
+            now = _restored(before, f"{prefix}{name}", owner, kept)
+            if now is not before:
+                setattr(variables, name, now)
 
 
 def _restored(value: Any, name: str, owner: Owner, kept: Kept) -> Any:

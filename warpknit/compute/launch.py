@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
 from typing import Any, NamedTuple
 
 import warp as wp
@@ -50,23 +49,18 @@ class Launch(NamedTuple):
             self.overload, dim=self.threads, inputs=self.arguments, device=device, record_cmd=True, block_dim=self.block_dim
         )
 
-    def replay(self, device: str) -> Callable[[], None]:
-        """A function that repeats the launch. It keeps the arguments, and costs a third of a recorded launch on a CPU."""
-        return replay([self], device)
-
 
 def replay(launches: list[Launch], device: str) -> Callable[[], None]:
-    """A function that repeats launches; see `Launch.replay`."""
+    """A function that repeats launches. It keeps the arguments, and costs a third of recorded launches on a CPU."""
     recorded = [launch.record(device) for launch in launches if launch.threads > 0]
     with wp.ScopedCapture(device=device) as capture:
         for one in recorded:
             one.launch()
-    return partial(_replay, capture.graph, recorded)
 
+    def repeat(_arguments: object = recorded) -> None:  # which a graph does not keep
+        wp.capture_launch(capture.graph)
 
-def _replay(graph: wp.Graph, recorded: list[wp.Launch]) -> None:
-    """Launch the graph of launches, which does not keep their arguments itself."""
-    wp.capture_launch(graph)
+    return repeat
 
 
 _OVERLOADS: dict[Any, wp.Kernel] = {}  # of generic kernels, by the types of the arguments, which are slow to resolve

@@ -1,7 +1,7 @@
 """Ranks that share a mesh, and their messages to each other.
 
-`One` is the single process; `Mpi` is a rank that a launcher such as mpirun started. Both have the same methods, and all ranks
-call them in the same order. NumPy is imported on use: the command line needs `One` for `--help` too.
+`Ranks` is the single process; `Mpi` is a rank that a launcher such as mpirun started. Both have the same methods, and all ranks
+call them in the same order. NumPy is imported on use: the command line needs `Ranks` for `--help` too.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import os
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from functools import reduce
 from operator import add
@@ -28,43 +27,42 @@ RANK_VARIABLES = ("PMI_RANK", "OMPI_COMM_WORLD_RANK", "PMIX_RANK", "MV2_COMM_WOR
 SIZE_VARIABLES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "MV2_COMM_WORLD_SIZE")
 
 
-class Ranks(ABC):
-    """The ranks of a run as one of them sees it."""
+class Ranks:
+    """The ranks of a run as one of them sees it; of this class, the only process of a run."""
 
-    rank: int  # of this process, from 0
-    count: int
-    place: int  # of this process among those on its machine, from 0
-    neighbours: int  # ranks on its machine, itself included
+    rank = 0  # of this process
+    count = 1
+    place = 0  # of this process among those on its machine
+    neighbours = 1  # ranks on its machine, itself included
 
     @property
     def is_first(self) -> bool:
         """Whether this rank prints and writes for all."""
         return self.rank == 0
 
-    @abstractmethod
     def everyone(self, value: Any) -> list[Any]:
         """Values of all ranks in order, on all ranks."""
+        return [value]
 
-    @abstractmethod
     def gather(self, values: np.ndarray) -> list[np.ndarray]:
         """Arrays of all ranks on the first rank, in order; an empty list on the others."""
+        return [values]
 
-    @abstractmethod
     def channel(self, out: np.ndarray, into: np.ndarray, peers: list[tuple[int, slice, slice]]) -> Callable[[], None]:
         """A function that swaps parts of two buffers with other ranks (peer, part of `out`, part of `into`)."""
+        return lambda: None
 
-    @abstractmethod
     def table(self, row: np.ndarray, rows: np.ndarray) -> Callable[[], None]:
         """A function that collects the `row` (1, n) of all ranks into `rows` (ranks, n)."""
+        return lambda: rows.__setitem__(slice(None), row)
 
-    @abstractmethod
     def leave(self, status: int) -> tuple[int, bool]:
         """Common exit status of all ranks; whether this rank prints the reason.
 
         Where the others do not leave, this rank has failed alone: see `end_all`.
         """
+        return status, True
 
-    @abstractmethod
     def end_all(self, status: int) -> None:
         """End all ranks at once with an exit status."""
 
@@ -110,30 +108,6 @@ def _exact_total(values: Iterable[float]) -> float:
         return math.fsum(values)
     except (OverflowError, ValueError):  # beyond the largest number, or infinite with both signs
         return math.nan
-
-
-class One(Ranks):
-    """The only process of a run."""
-
-    rank, count, place, neighbours = 0, 1, 0, 1
-
-    def everyone(self, value: Any) -> list[Any]:
-        return [value]
-
-    def gather(self, values: np.ndarray) -> list[np.ndarray]:
-        return [values]
-
-    def channel(self, out: np.ndarray, into: np.ndarray, peers: list[tuple[int, slice, slice]]) -> Callable[[], None]:
-        return lambda: None
-
-    def table(self, row: np.ndarray, rows: np.ndarray) -> Callable[[], None]:
-        return lambda: rows.__setitem__(slice(None), row)
-
-    def leave(self, status: int) -> tuple[int, bool]:
-        return status, True
-
-    def end_all(self, status: int) -> None:
-        """Nobody else is there to end."""
 
 
 class Mpi(Ranks):
@@ -211,7 +185,7 @@ class Mpi(Ranks):
 def join_ranks() -> Ranks:
     """The ranks that this process was started among. Raises `InputError` where that needs mpi4py and it is missing."""
     if started_as() is None or any(os.environ.get(name) == "1" for name in SIZE_VARIABLES):
-        return One()
+        return Ranks()
     try:
         ranks = Mpi()
     except ImportError as error:
@@ -219,7 +193,7 @@ def join_ranks() -> Ranks:
             f'several ranks need mpi4py and an MPI library ({error}); pip install "warpknit[mpi]", or run without mpirun'
         ) from error
     if ranks.count == 1:
-        return One()
+        return Ranks()
     share_cores(ranks)
     return ranks
 

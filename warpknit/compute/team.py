@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -15,7 +14,7 @@ import warp as wp
 from ..kernels.barrier import wait_for_all
 from ..kernels.control import STATUS, STATUS_DIVERGED, STATUS_STALE, STATUS_WAITING
 from .host import fetch
-from .launch import Launch, bind
+from .launch import Launch, bind, replay
 
 FROZEN = frozenset(float(status) for status in (STATUS_STALE, STATUS_DIVERGED, STATUS_WAITING))
 RETRY_CALLS = 20  # calls after which the slower way is tried again
@@ -39,17 +38,13 @@ class Team:
 
     def each(self, calls: Sequence[Callable[[], object]], threads: int | None = None) -> None:
         """Call independent functions on the next free of at most `threads` threads; return when all are done."""
-        left = deque(calls)
+        left = iter(calls)  # each thread takes the next one
 
-        def take_next() -> None:
-            while True:
-                try:
-                    call = left.popleft()
-                except IndexError:
-                    return
+        def take_turns() -> None:
+            for call in left:
                 call()
 
-        self.together([take_next] * min(threads or self.threads, self.threads))
+        self.together([take_turns] * min(threads or self.threads, self.threads))
 
     def replay(self, graphs: Sequence[Sequence[wp.Graph]], control: wp.array) -> int:
         """Replay graphs[thread] of steps in turn; return the number. On the CPU until the state freezes.
@@ -115,7 +110,7 @@ class SharedLaunches:
         if name not in self._recorded:
             shares = [self._team.share_of(items, part, self._threads) for part in range(self._threads)]
             parts = [bind(kernel, threads * len(own), *sources, **{by: own.start}, **named) for own in shares]
-            self._recorded[name] = [launch.replay(self._device) for launch in parts if launch.threads]
+            self._recorded[name] = [replay([launch], self._device) for launch in parts if launch.threads]
         self._team.together(self._recorded[name])
 
 

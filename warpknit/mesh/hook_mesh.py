@@ -64,8 +64,8 @@ class Arc:
 def lay_out_hook(scene: Scene, hook: Hook) -> tuple[Table, Panel, float]:
     """Nodes of both wires, their panel, wire length of a loop [m].
 
-    A wire counts as a loop. It has even segments between its clamps, and a node beyond each. The body is in the middle of the lens; a single contact
-    point is at its node of the left wire, its target the middle of the right wire.
+    A wire counts as a loop. It has even segments between its clamps, and a node beyond each. The body is in the middle of the
+    lens; a single contact point is at its node of the left wire, its target the middle of the right wire.
     """
     segments, set_fraction, treatment = scene.model.nodes_per_loop, scene.wire.set_fraction, choose_treatment(scene)
     spacing, contact_node = hook.length / segments, treatment.contact_node

@@ -19,7 +19,7 @@ from ..base.errors import ModelError
 from ..base.text import at_most, exact, percent, short_repr
 from ..compute.arrays import Precision, precision_of
 from ..compute.device import start_warp
-from ..compute.ranks import One, Ranks
+from ..compute.ranks import Ranks
 from ..kernels.bodies import BODY_BLOCK
 from ..kernels.contact_by_batch import PAIR_BATCH
 from ..kernels.wire_forces import BLOCK_SIZE
@@ -57,7 +57,7 @@ class Model(Numerics):
     rest: RestArrays
     mesh: MeshArrays
     treatment: Treatment  # contact constraint; in a mesh its reach is body radius + half a wire thickness
-    ranks: Ranks = field(default_factory=One)  # ranks that share the mesh
+    ranks: Ranks = field(default_factory=Ranks)  # ranks that share the mesh
     strip: Strip | None = None  # the part of the mesh in `panel` and all arrays, with several ranks
 
     @cached_property
@@ -224,7 +224,7 @@ def assemble_model(
 
     `ranks` share the panel in strips.
     """
-    ranks = ranks or One()
+    ranks = ranks or Ranks()
     strip = cut_strip(panel, ranks.rank, ranks.count) if ranks.count > 1 else None
     panel = panel if strip is None else strip.panel
     precision = precision_of(scene.solver.precision, displacement_range)

@@ -11,7 +11,7 @@ from pathlib import Path
 from ..base.errors import RunDirectoryError
 from ..base.files import held_directory
 from ..compute.device import compile_times, find_device
-from ..compute.ranks import One, Ranks
+from ..compute.ranks import Ranks
 from ..mesh.layout import mesh_nodes
 from ..results.row import Values, read_rows
 from ..scene import Scene
@@ -51,7 +51,7 @@ def run_scene(
     Raises `RunDirectoryError`, `DeviceError`, `ModelError`, `KnitError` before anything is written. A divergence ends with
     exit_code 3, an interrupt with 130; what was finished by then is kept.
     """
-    ranks, own = ranks or One(), checked_probes(probes)
+    ranks, own = ranks or Ranks(), checked_probes(probes)
     refuse(scene, "run", ranks=ranks.count)
     finished, continues = ranks.from_first(lambda: _earlier_run(scene, out, resume, force, list(own)))
     if finished is not None and (finished.message != COMPLETE or not ranks.is_first):

@@ -12,7 +12,7 @@ import numpy as np
 from ..base.errors import Diverged, InputError, ModelError
 from ..base.text import engineering, percent
 from ..compute import device_of_mesh
-from ..compute.ranks import One
+from ..compute.ranks import Ranks
 from ..measure.table import Record
 from ..mechanics.protocols import Mechanics, Model
 from ..mesh.layout import estimated_nodes, one_repeat, smaller_scene
@@ -176,7 +176,7 @@ class Simulation:
         assert model.cloth is not None
         nodes, ranks = estimated_nodes(scene, model.cloth), model.ranks
         is_shared = nodes // ranks.count >= NODES_A_STRIP and scene.knit.repeats[0] >= ranks.count
-        return build_model(scene, device_of_mesh(nodes, model.device), ranks if is_shared else One())
+        return build_model(scene, device_of_mesh(nodes, model.device), ranks if is_shared else Ranks())
 
     @classmethod
     def _cell_of(cls, mechanics: Mechanics) -> Relaxation | None:

@@ -12,8 +12,7 @@ from ..kernels.clamp import CLAMP_NUMBERS
 from ..mechanics.numerics import few_nodes
 from ..mesh.layout import SLIDE_ALLOWANCE
 from ..mesh.panel import Panel
-from ..wires.centre_lines import Wires
-from ..wires.directors import dot
+from ..wires.centre_lines import Wires, dot
 from ..wires.hooks import Places, find_places
 from ..wires.overlaps import close_places
 from .node_stiffness import node_stiffness

@@ -11,7 +11,7 @@ from ..base.text import at_least, exact, short_repr
 from ..compute.arrays import Precision, precision_of
 from ..compute.device import start_warp
 from ..compute.memory import refuse_beyond_memory
-from ..compute.ranks import One, Ranks
+from ..compute.ranks import Ranks
 from ..knit.cloth import Cloth
 from ..mesh.hook_mesh import lay_out_hook
 from ..mesh.layout import knit_scene, lay_out
@@ -68,7 +68,7 @@ class SpatialModel:
     precision: Precision
     cloth: Cloth | None = None
     table: Table | None = None
-    ranks: Ranks = field(default_factory=One)  # ranks that share the mesh
+    ranks: Ranks = field(default_factory=Ranks)  # ranks that share the mesh
     strip: RodStrip | None = None  # the wires that are stepped here, with several ranks
     whole: SpatialModel | None = None  # the model of all ranks; None: this one
     time_step: float = 1.0  # [s] initial one

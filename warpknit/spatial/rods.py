@@ -16,7 +16,7 @@ import numpy as np
 from ..base.text import short_repr
 from ..kernels.banded_mass import CLAMPED, HELD_NODE, HELD_TURN
 from ..kernels.bend import BOW
-from ..wires.directors import even_directors, twist
+from ..wires.centre_lines import even_directors, twist
 
 BENT_SHARE = 1.0 / 3.0  # of the compliance of a wire in bending, which its neighbours hinder
 

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..compute.ranks import One, Ranks
+from ..compute.ranks import Ranks
 from ..mesh.panel import Panel
 from ..mesh.strip import wires_of_ranks
 from .contact_arrays import Contacts
@@ -46,7 +46,7 @@ class RodStrip:
     def alone(rods: Rods) -> RodStrip:
         """All wires on one rank."""
         wires = len(rods.wire_first)
-        return RodStrip(One(), rods, np.arange(wires), range(wires), range(rods.node_count))
+        return RodStrip(Ranks(), rods, np.arange(wires), range(wires), range(rods.node_count))
 
     @property
     def is_alone(self) -> bool:

@@ -13,7 +13,7 @@ import warp as wp
 
 from ..base.errors import OutOfResources
 from ..compute.host import fetch, number_at, store, store_at, zeros
-from ..compute.launch import Launch, bind
+from ..compute.launch import Launch, bind, replay
 from ..compute.memory import available_memory
 from ..compute.steering import Steering
 from ..kernels import contact_checks as k
@@ -247,7 +247,7 @@ class WireContact:
             for part in range(stepper.parts):
                 share = self._share(part, stepper.parts)
                 mark = bind(mark_near_pairs, threads, *sources, threads=threads, **share)
-                pairs.mark.append(mark.replay(stepper.device))
+                pairs.mark.append(replay([mark], stepper.device))
         stepper.team.each(pairs.mark, stepper.threads_of(1))
 
     def _take_near_pairs(self, which: np.ndarray | None = None) -> None:

@@ -17,8 +17,7 @@ from scipy.spatial import cKDTree
 
 from warpknit.base.text import engineering
 from warpknit.knit.crossings import candidate_pairs
-from warpknit.wires.centre_lines import Wires
-from warpknit.wires.directors import dot
+from warpknit.wires.centre_lines import Wires, dot
 
 CLOSEST = 1e-3  # of the thickness: smaller overlaps, and smaller distances of centre lines, count as zero
 REACH = 2.0  # thicknesses up to which the closest places are found

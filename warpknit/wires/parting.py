@@ -16,8 +16,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from warpknit.base.hermite import hermite
 from warpknit.base.text import engineering, short_percent
-from warpknit.wires.centre_lines import Wires
-from warpknit.wires.directors import dot
+from warpknit.wires.centre_lines import Wires, dot
 from warpknit.wires.overlaps import CLOSEST, NearPairs, kept_pairs, near_pairs, segments_of
 
 LENGTH = 1.5  # thicknesses

@@ -29,7 +29,7 @@ from pathlib import Path
 import numpy as np
 
 from warpknit.wires.bases import LEAST, MOST, BadFile, Curve, CurveFile, check_count, check_points, polyline
-from warpknit.wires.directors import across, dot, even_directors, twist
+from warpknit.wires.centre_lines import across, dot, even_directors, twist
 
 COLUMNS = {"*Q": 4, "*E": 4, "*RL": 1, "*RK": 2, "*RT": 1, "*RefD1": 3, "*RefT": 1}
 MOST_TURN = 1e3  # [rad] at a point

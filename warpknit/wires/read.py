@@ -19,8 +19,7 @@ from warpknit.base.text import both, engineering, exact
 from warpknit.scene.messages import scene_error
 from warpknit.scene.wire_file import WireArrays, WireFileError
 from warpknit.wires.bases import BadFile, Curve, CurveFile
-from warpknit.wires.centre_lines import Wires, repeated
-from warpknit.wires.directors import transported
+from warpknit.wires.centre_lines import Wires, repeated, transported
 from warpknit.wires.file_curves import curves_in, unreadable
 from warpknit.wires.parting import pushed_apart
 
