@@ -98,16 +98,10 @@ class LoopFrame:
         """Largest number of loops on one needle and course."""
         return 1 + max(stitch.layer for stitch in self.lapping.stitches)
 
-    def proportions_of(self, stitch: Stitch) -> LoopProportions:
-        """Proportions of one loop."""
-        return self.loops[self._number(stitch)]
-
-    def proportions_below(self, stitch: Stitch) -> LoopProportions:
-        """Proportions of the loop whose head this loop is drawn through."""
-        return self.loops[self.lapping.heads_below[self._number(stitch)]]
-
-    def _number(self, stitch: Stitch) -> int:
-        return stitch.thread * self.lapping.courses + stitch.course
+    def proportions_of(self, stitch: Stitch, *, below: bool = False) -> LoopProportions:
+        """Proportions of a loop; below: of the loop whose head it is drawn through."""
+        number = stitch.thread * self.lapping.courses + stitch.course
+        return self.loops[self.lapping.heads_below[number] if below else number]
 
     @property
     def heights(self) -> Heights:
@@ -163,8 +157,9 @@ def loop_keys(stitch: Stitch, turn: int, frame: LoopFrame) -> LoopKeys:
 
     turn: side on which the underlap leaves, in the loop's frame: +1 onwards along the overlap, -1 back, 0 straight up.
     """
-    if stitch.kind == "inlay":
-        keys = _inlay(stitch, frame)
+    if stitch.kind == "inlay":  # no lap: the wire passes the gap left of the needle, behind the feet
+        height = frame.heights.underlap(stitch, frame.layers)
+        keys = LoopKeys(np.array([[-0.5 * frame.wale, 0.0]]), np.zeros(1), np.array([height]))
     elif frame.shape == "general":
         keys = _general_loop(stitch, turn, frame)
     elif stitch.kind == "closed":
@@ -173,12 +168,6 @@ def loop_keys(stitch: Stitch, turn: int, frame: LoopFrame) -> LoopKeys:
         keys = _oval_loop(stitch, frame)
     plan = keys.plan * [stitch.direction or 1, 1.0] + [stitch.needle * frame.wale, stitch.course * frame.course]
     return LoopKeys(plan, keys.place, keys.height * frame.diameter)
-
-
-def _inlay(stitch: Stitch, frame: LoopFrame) -> LoopKeys:
-    """No lap: the wire passes the gap left of the needle, behind the feet."""
-    height = frame.heights.underlap(stitch, frame.layers)
-    return LoopKeys(np.array([[-0.5 * frame.wale, 0.0]]), np.zeros(1), np.array([height]))
 
 
 def _circular_loop(stitch: Stitch, frame: LoopFrame) -> LoopKeys:
@@ -221,7 +210,7 @@ def _general_loop(stitch: Stitch, turn: int, frame: LoopFrame) -> LoopKeys:
     a = proportions.foot_half_width * frame.wale + grow
     b = proportions.leg_half_width * frame.wale + grow
     h = proportions.head_height * course + grow
-    waist = frame.proportions_below(stitch).head_height * course + grow  # in front of that head
+    waist = frame.proportions_of(stitch, below=True).head_height * course + grow  # in front of that head
     half = np.array(
         [
             [a, 0.0, heights.entry_foot(stitch, frame.layers)],

@@ -1,17 +1,13 @@
-"""Clasps: lenses in plan view where two wires hook each other.
+"""Clasps: lenses in plan view where two wires hook each other (docs/theory/knit.md).
 
-Two crossings of the same two wire copies bound a lens if three conditions hold: the arcs between them are short; no third
-crossing of the two lies within both arcs; the second wire crosses the first in opposite senses (turn). A crossing is the corner
-of one lens only, the tightest. The wires hook in a lens when the over/under sign alternates: wire A over B at one corner and
-under it at the other. Then both corners have the same sign over * turn, and the arcs are linked. Equal over signs are a plain
-overlap that carries nothing in plan view. The rule holds for any knit, without a table of patterns. (Guglielmini, Marotta,
-Salvini 2022, section 2: "a couple of wires crosses in two points".)
+Two crossings of the same two wire copies bound a lens if the arcs between them are short, no third crossing of the two lies
+within both arcs, and the second wire crosses the first in opposite senses (turn). A crossing is the corner of one lens only, the
+tightest. The wires hook in it where over * turn is the same at both corners. The rule holds for any knit. (Guglielmini, Marotta,
+Salvini 2022, section 2: "a couple of wires crosses in two points".) A loop may hook one head by two nested lenses; such lenses
+are merged into one clasp when `merge` is set.
 
-A loop may hook one head by two nested lenses; such lenses are merged into one clasp when `merge` is set.
-
-The body of a clasp is at the deepest point (pole of inaccessibility). Depth of a point is its distance to the nearest outline
-where it lies inside all of them, less than nothing elsewhere. A grid over the smallest outline's box is refined round its
-deepest point until the grid is finer than 1e-3 of the box.
+The body of a clasp is at the deepest point (pole of inaccessibility): its distance to the nearest outline, inside all of them, is
+largest. A grid over the smallest outline's box is refined round it until the grid is finer than 1e-3 of the box.
 """
 
 from __future__ import annotations

@@ -1,13 +1,8 @@
 """Chain notation and threading, and the lapping table: which wire wraps which needle in which course of one repeat.
 
 The repeat is as wide as the least common multiple of the threadings [wales] and as high as the least common multiple of the
-chains [courses]. A lap of direction s that ends in gap b is closed when the underlap to the next lap (from gap b to a_next) runs
-back, sign(a_next - b) = -s, and open otherwise; a = b is an inlay.
-
-A chain such as ``1-0/1-2/2-3/2-1`` lists one link a course.  The numbers are the gaps between needles: gap g lies left
-of needle g.  A link ``a-b`` carries the guide across needle min(a, b) in front of the hooks (the overlap); between
-links the guide returns behind the needles (the underlap).  ``a-a`` is an inlay: the wire is laid in without a loop.  A
-threading such as ``|.`` repeats along the guide bar: ``|`` is a guide with a wire, ``.`` an empty one.
+chains [courses]. A chain such as ``1-0/1-2/2-3/2-1`` lists one link a course; gap g lies left of needle g (docs/theory/knit.md).
+A threading such as ``|.`` repeats along the guide bar: ``|`` is a guide with a wire, ``.`` an empty one.
 """
 
 from __future__ import annotations
@@ -143,14 +138,6 @@ class Lapping:
         return tuple(found)
 
 
-def lap_kind(link: Link, after: Link) -> Kind:
-    """Kind of the lap `link` that is followed by the lap `after`."""
-    if link.direction == 0:
-        return "inlay"
-    back = (after.start > link.end) - (after.start < link.end) == -link.direction
-    return "closed" if back else "open"
-
-
 def lapping_table(bars: Sequence[Any], tiles: tuple[int, int] = (1, 1)) -> Lapping:
     """Lapping of one repeat of any number of guide bars.
 
@@ -173,7 +160,8 @@ def lapping_table(bars: Sequence[Any], tiles: tuple[int, int] = (1, 1)) -> Lappi
             for course in range(courses):
                 link, after = chain[course % len(chain)], chain[(course + 1) % len(chain)]
                 needle = link.needle + bar.shift + guide
-                kind, layer = lap_kind(link, after), 0
+                underlap, layer = (after.start > link.end) - (after.start < link.end), 0
+                kind: Kind = "inlay" if link.direction == 0 else "closed" if underlap == -link.direction else "open"
                 if kind != "inlay":
                     layer = int(before[needle % wales, course])
                     loops[needle % wales, course] += 1

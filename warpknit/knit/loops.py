@@ -9,7 +9,7 @@ W = 1.7 mm, C = 1 mm stay at least a diameter apart.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
 from ..base.text import at_least, at_most
@@ -17,42 +17,34 @@ from .lapping import KnitError, Lapping
 
 Shape = Literal["circular-oval", "general"]
 
-RANGES: dict[str, tuple[float, float]] = {
-    "closed_radius": (0.40, 0.78),
-    "closed_head": (0.30, 0.75),
-    "open_head": (0.35, 0.80),
-    "open_half_width": (0.22, 0.50),
-    "closed_foot": (0.03, 0.16),
-    "open_foot": (0.05, 0.35),
-    "foot_radius": (0.03, 0.20),
-    "tilt": (0.00, 0.16),
-    "lateral_shift": (0.00, 0.06),
-    "foot_half_width": (0.06, 0.18),
-    "leg_half_width": (0.16, 0.35),
-    "head_height": (0.12, 0.45),
-}
 SIZES: dict[str, tuple[str, ...]] = {  # the proportions that make a loop large, by shape
     "circular-oval": ("closed_radius", "closed_head", "open_head", "open_half_width"),
     "general": ("foot_half_width", "leg_half_width", "head_height"),
 }
 
 
+def _within(least: float, most: float, default: float) -> float:
+    """A proportion with its range."""
+    one: float = field(default=default, metadata={"range": (least, most)})
+    return one
+
+
 @dataclass(frozen=True)
 class LoopProportions:
-    """Proportions of the loops; every one has a range in `RANGES`, which the scene checks."""
+    """Proportions of the loops; every one has a range, which the scene checks."""
 
-    closed_radius: float = 0.60  # radius of a circular loop [C]
-    closed_head: float = 0.55  # top of a circular loop above the next course line [C]
-    open_head: float = 0.50  # top of an oval loop above the next course line [C]
-    open_half_width: float = 0.26  # half width of an oval loop [C]
-    closed_foot: float = 0.10  # half distance of the feet of a circular loop [C]
-    open_foot: float = 0.19  # half distance of the feet of an oval loop [C]
-    foot_radius: float = 0.10  # radius of the bend at an exit foot [C]
-    tilt: float = 0.10  # lean of an oval loop towards its overlap [-]
-    lateral_shift: float = 0.02  # shift of a circular loop towards its underlaps [W]
-    foot_half_width: float = 0.12  # general shape: half distance of the feet [W]
-    leg_half_width: float = 0.24  # general shape: half distance of the legs [W]
-    head_height: float = 0.22  # general shape: top above the next course line [C]
+    closed_radius: float = _within(0.40, 0.78, 0.60)  # radius of a circular loop [C]
+    closed_head: float = _within(0.30, 0.75, 0.55)  # top of a circular loop above the next course line [C]
+    open_head: float = _within(0.35, 0.80, 0.50)  # top of an oval loop above the next course line [C]
+    open_half_width: float = _within(0.22, 0.50, 0.26)  # half width of an oval loop [C]
+    closed_foot: float = _within(0.03, 0.16, 0.10)  # half distance of the feet of a circular loop [C]
+    open_foot: float = _within(0.05, 0.35, 0.19)  # half distance of the feet of an oval loop [C]
+    foot_radius: float = _within(0.03, 0.20, 0.10)  # radius of the bend at an exit foot [C]
+    tilt: float = _within(0.00, 0.16, 0.10)  # lean of an oval loop towards its overlap [-]
+    lateral_shift: float = _within(0.00, 0.06, 0.02)  # shift of a circular loop towards its underlaps [W]
+    foot_half_width: float = _within(0.06, 0.18, 0.12)  # general shape: half distance of the feet [W]
+    leg_half_width: float = _within(0.16, 0.35, 0.24)  # general shape: half distance of the legs [W]
+    head_height: float = _within(0.12, 0.45, 0.22)  # general shape: top above the next course line [C]
     shape: str = "auto"  # "auto" | "circular-oval" | "general"
 
     def __post_init__(self) -> None:
@@ -74,7 +66,12 @@ class LoopProportions:
     @classmethod
     def of(cls, loop: Any) -> LoopProportions:
         """Proportions from any object with these names."""
-        return cls(**{field.name: getattr(loop, field.name) for field in fields(cls)})
+        return cls(**{one.name: getattr(loop, one.name) for one in fields(cls)})
+
+
+RANGES: dict[str, tuple[float, float]] = {
+    one.name: one.metadata["range"] for one in fields(LoopProportions) if "range" in one.metadata
+}
 
 
 def loop_shape(lapping: Lapping, proportions: LoopProportions) -> Shape:

@@ -1,13 +1,8 @@
 """Scattered loops: the loops of every needle and course have proportions of their own, and hook as equal ones do.
 
-Each proportion is its mean times 1 + s g, s the relative standard deviation and g normally distributed, drawn again beyond MOST
-deviations and kept within `RANGES`. Loops of one needle and course are formed together and share g. A thread stays one smooth
-curve: its loops are key points of one spline, and an underlap runs from the foot of one loop to the foot of the next. Sums along
-a wire, such as its length, scatter with it.
-
-In plan view lenses of scattered loops are longer or shorter, and the rules that separate or merge lenses would decide differently
-from loop to loop. So the lenses come from one repeat of equal loops. Each corner is the nearest crossing along both wires, in
-courses, with the same two wires and signs.
+The rules are in docs/theory/knit.md. In plan view lenses of scattered loops are longer or shorter, and the rules that separate or
+merge lenses would decide differently from loop to loop. So the lenses come from one repeat of equal loops. Each corner is the
+nearest crossing along both wires, in courses, with the same two wires and signs.
 """
 
 from __future__ import annotations
@@ -15,7 +10,7 @@ from __future__ import annotations
 import itertools
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -161,7 +156,7 @@ def scattered_proportions(
     formed_together: [loop] number of the loop whose relative deviations it shares.
     """
     count, shape = len(means), means[0].shape
-    names = [field.name for field in fields(LoopProportions) if field.name in RANGES]
+    names = list(RANGES)
     random = np.random.default_rng(seed)
     draws = random.standard_normal((count, len(names)))
     while (beyond := np.abs(draws) > MOST).any():

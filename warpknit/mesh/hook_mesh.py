@@ -9,16 +9,7 @@ A mesh is driven by the deformation gradient of its frame, by which clamps at c 
 with c = 0 for the three ends that stay and c = (0, height) for the driven one: it moves by g height sideways.
 
 The contact between two wires is carried by a free body, as everywhere in a mesh, or in one of the ways that the study
-of two hooked wires compares (Guglielmini, Marotta and Salvini 2022, section 2).
-
-| treatment | body | radius | tied to the ground |
-|---|---|---|---|
-| free-body | a mass | the body's | no |
-| point | a node of the left wire | the reach of a body and both wires | no |
-| spring-point | a point | 0 | by a spring |
-| spring-cylinder | a cylinder | the body's | by a spring |
-| ring | a rigid ring that both wires pass through | inner, and outwards: the reach is negative | by a spring |
-| friction-plane | a cylinder | the body's | by friction |
+of two hooked wires compares (Guglielmini, Marotta and Salvini 2022, section 2): see docs/theory/contact.md.
 """
 
 from __future__ import annotations

@@ -20,6 +20,7 @@ from ..base.text import short_repr
 from ..kernels.bend import BOW
 from ..knit.centreline import Thread
 from ..knit.cloth import Cloth
+from ..knit.crossings import plan_cross
 
 FIT_POINTS = 12  # Gauss points a segment for the fit of the rest curve
 SLIDE_WEIGHT = 0.1  # of a miss along the line in that fit
@@ -132,7 +133,7 @@ def table_of_lines(lines: Sequence[tuple[CentreLine, int, float]], *, set_fracti
         k = np.arange(-lead - 1, n + lead + 2)
         position = centre_line(k * h)
         edge = np.diff(position[:, :2], axis=0)  # edge of entry k joins k and k + 1
-        angle = _angle_between(edge[:-1], edge[1:])
+        angle = np.arctan2(plan_cross(edge[:-1], edge[1:]), np.sum(edge[:-1] * edge[1:], axis=1))
         inner = slice(1, -2)  # entries -lead .. n + lead - 1
         for name, values in {
             "x": position[inner, 0],
@@ -162,11 +163,6 @@ def table_of_lines(lines: Sequence[tuple[CentreLine, int, float]], *, set_fracti
         curve_error=error,
         **{name: np.concatenate(parts) for name, parts in columns.items()},
     )
-
-
-def _angle_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Angle (m,) [rad] from vectors a to b, both (m, 2)."""
-    return np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], np.sum(a * b, axis=1))
 
 
 def _fit_rest_curve(centre_line: CentreLine, nodes: int, spacing: float) -> tuple[np.ndarray, float]:

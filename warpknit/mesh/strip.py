@@ -7,7 +7,7 @@ other's wire is foreign: its force comes from there (kernels/border.py).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -73,11 +73,8 @@ def cut_strip(panel: Panel, rank: int, ranks: int) -> Strip:
     pair = (2 * body[:, None] + np.arange(2)).ravel()
     own = rank_of_pair[body].ravel() == rank
 
-    part = panel_of(panel, np.arange(wires.start, wires.stop))
-    part = _taken(part, panel, body, "body_clasp", "body_rest", "body_origin")
-    part = _taken(part, panel, pair, "pair_table", "pair_shift", "pair_low", "pair_high", "pair_side")
     part = replace(
-        part,
+        _taken(panel_of(panel, np.arange(wires.start, wires.stop)), panel, body=body, pair=pair),
         pair_wire=as32(np.where(own, panel.pair_wire[pair] - wires.start, -1)),
         pair_seed=as32(np.where(own, panel.pair_seed[pair] - nodes.start, 0)),
     )
@@ -106,27 +103,23 @@ def panel_of(panel: Panel, wires: np.ndarray) -> Panel:
     held_wire = np.searchsorted(panel.wire_first, panel.held_node, side="right") - 1
     held = number[held_wire] >= 0
     clamps, held_clamp = np.unique(panel.held_clamp[held], return_inverse=True)
-    bodies = ("body_clasp", "body_rest", "body_origin")
-    pairs = ("pair_wire", "pair_seed", "pair_table", "pair_low", "pair_high", "pair_side", "pair_shift")
-    part = _taken(panel, panel, wires, "wire_count", "wire_closed", "wire_thread", "wire_length", "wire_clamp")
-    part = _taken(part, panel, block, "block_count", "block_table", "block_origin")
-    part = _taken(part, panel, np.zeros(0, dtype=int), *bodies, *pairs, "rhombus_bodies")
+    none = np.zeros(0, dtype=int)
     return replace(
-        part,
+        _taken(panel, panel, wire=wires, block=block, held=held, body=none, pair=none, rhombus=none),
         wire_first=as32(first),
-        wire_begin=panel.wire_begin[wires] if len(panel.wire_begin) else panel.wire_begin,
         block_first=as32((panel.block_first + shift[panel.block_wire])[block]),
         block_wire=as32(number[panel.block_wire[block]]),
         held_node=as32((panel.held_node + shift[held_wire])[held]),
-        held_lever=panel.held_lever[held],
         held_clamp=as32(held_clamp.reshape(-1)),
         clamp_position=panel.clamp_position[clamps],
     )
 
 
-def _taken(part: Panel, panel: Panel, index: np.ndarray, *names: str) -> Panel:
-    """A panel with the entries `index` of arrays of another, by name."""
-    return replace(part, **{name: getattr(panel, name)[index] for name in names})
+def _taken(part: Panel, panel: Panel, **index: np.ndarray) -> Panel:
+    """A panel with entries of arrays of another; index: by the beginning of their names."""
+    kinds = {one.name: one.name.partition("_")[0] for one in fields(panel)}
+    arrays = {name: getattr(panel, name) for name, kind in kinds.items() if kind in index}
+    return replace(part, **{name: array[index[kinds[name]]] for name, array in arrays.items() if len(array)})
 
 
 def _neighbours(rank: int, body: np.ndarray, rank_of_pair: np.ndarray) -> tuple[Neighbour, ...]:

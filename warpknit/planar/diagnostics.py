@@ -96,7 +96,7 @@ class Diagnostics:
     def _evaluate(self, stepper: Stepper, part: int) -> list[Launch]:
         """Stage of work: forces, strains, tensions and turnings of the nodes."""
         state = stepper.state
-        return [evaluation(self.model, state, state.parity, self.of_nodes(stepper.world), stepper.blocks_of(part))]
+        return [evaluation(self.model, state, self.of_nodes(stepper.world), stepper.blocks_of(part))]
 
     def _sum(self, stepper: Stepper, part: int) -> list[Launch]:
         """Launches of the sums of wires and pairs."""

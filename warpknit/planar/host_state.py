@@ -112,7 +112,7 @@ def read_strip(model: Model, state: State) -> HostState:
     """Evaluate the wires, and copy the strip of this rank to the host."""
     names = ("tension", "turning", "force_x", "force_y", *OPTIONAL[1:])
     out = {n: wp.zeros(model.panel.node_count, dtype=model.precision.real, device=model.device) for n in names}
-    evaluation(model, state, state.parity, out, (0, len(model.panel.block_first))).run(model.device)
+    evaluation(model, state, out, (0, len(model.panel.block_first))).run(model.device)
     now = state.parity
     unit = model.precision.unit
 
@@ -166,16 +166,13 @@ def joined(state: HostState) -> HostState:
     return replace(state, model=model.global_model, **parts) if model.ranks.is_first else state
 
 
-def evaluation(model: Model, state: State, parity: int, out: dict[str, wp.array], blocks: tuple[int, int]) -> Launch:
-    """Launch of kernels/energy.py for (first block, number of blocks), with the displacements of `parity`.
-
-    `out`: output arrays [node] by name.
-    """
+def evaluation(model: Model, state: State, out: dict[str, wp.array], blocks: tuple[int, int]) -> Launch:
+    """Launch of kernels/energy.py for (first block, number of blocks); `out`: output arrays [node] by name."""
     threads = lanes(WIRE_LANES, model.device)
     unused = {name: wp.empty(0, dtype=model.precision.real, device=model.device) for name in OPTIONAL if name not in out}
     return bind(
         evaluate_wires, blocks[1] * threads, model.rest, model.mesh, state, model.constants, first_block=blocks[0],
-        threads_a_block=threads, ux=state.node_ux[parity], uy=state.node_uy[parity], **out, **unused,
+        threads_a_block=threads, ux=state.node_ux[state.parity], uy=state.node_uy[state.parity], **out, **unused,
     )  # fmt: skip
 
 
@@ -242,23 +239,12 @@ class Join:
 def bending_moments(r: HostState) -> tuple[np.ndarray, np.ndarray]:
     """Moments [N m] by statics at the nodes [node], and under bodies [closed pair]; positive to the left of the knitted shape.
 
-    A body's force f acts at its contact point p, but the wire carries it on the four nodes around, as f_-1, f_0, f_1, f_2.
-    Both have the same resultant and moment, so beyond the four nodes the wire feels the same, and between them the moments
-    of a force at p follow exactly. With n the force in the wire (segment_force), M at node j and the cross product a x b =
-    a_x b_y - a_y b_x,
-
-        M_(j+1) = M_j - e_j x n_j            a stretch of wire without loads, whatever its shape
-        M_j    -> M_j - e_(j-1) x f_-1                           at the node before p
-        M(p)    = M_j - (p - x_j) x (n_j + f_-1 + f_0)           there, with this M_j
-        M_(j+1) -> M_(j+1) - e_(j+1) x f_2                       at the node behind p
-
-    The moment peaks at p: nodes at a distance h from each other miss up to F h/4 of it.
+    The equations are in docs/theory/stress.md. The moment peaks under a body: nodes at a distance h from each other miss up to
+    F h/4 of it.
     """
     model, panel = r.model, r.model.panel
     moment = r.moment + r.bow_moment
     pair = np.nonzero(r.pair_force > 0)[0]
-    if not len(pair):
-        return moment, np.zeros(0)
     first, count, closed = (values[panel.pair_wire[pair]] for values in (panel.wire_first, panel.wire_count, panel.wire_closed))
     local = r.pair_node[pair][:, None] + np.arange(-1, 3) - first[:, None]
     local = np.where(closed[:, None], local % count[:, None], np.clip(local, 0, count[:, None] - 1))

@@ -1,12 +1,8 @@
-"""Augmented Lagrangian multipliers of a relaxation, for errors of softening and penalty.
+"""Augmented Lagrangian multipliers of a relaxation, for errors of softening and penalty (docs/theory/equilibrium.md).
 
-The softening of a wire is bounded, so that its compliance in stretch stays small against that in bending. With nodes at an rms
-distance y from its chord, the compliance is about y^2/EI a length in bending and s/EA in stretch, so s is at most
-y^2 EA/(BEND_OVER_STRETCH EI). Closed wires have no imposed chord and no bound. Wires straighten under load, so the bound is
-updated at every level. The softening is halved where the softened strain exceeds SOFTENING_STRAIN, the contact penalty is
-doubled where the penetration exceeds PENETRATION_STIFFEN. A short open wire whose multipliers do not converge near equilibrium
-is taut: its softening is divided by TAUT_FACTOR. Fictitious masses follow the stiffnesses, the tension and the sharpest turn
-of each wire (numerics.unit_step_mass).
+Wires straighten under load, so the bound on their softening by their shape is updated at every level; closed wires have no
+imposed chord and no bound. A short open wire whose multipliers do not converge near equilibrium is taut. Fictitious masses follow
+the stiffnesses, the tension and the sharpest turn of each wire (numerics.unit_step_mass).
 """
 
 from __future__ import annotations

@@ -91,10 +91,8 @@ def unit_step_mass(
 ) -> np.ndarray:
     """Node mass [kg] that is stable at a step of 1 s. Softened EA [N], EI [N m2], penalty [N/m], spacing [m].
 
-    Along the wire the largest eigenvalue is a = 4 k (stretch), across it b = 80/3 EI/h^3 (bend), plus the terms of contact and
-    of a tension T [N]: 4 T/h across, and unbending of arcs (kernels/bend.py). CONTACT_SHARE covers pairs of neighbouring bodies
-    at one node; `contact_along` times that acts along the wire. On a straight wire the larger of both counts; a turn theta
-    [rad] couples them: (a + b)/2 + sqrt((a - b)^2/4 + a b sin^2 theta). The step is stable up to 4 m.
+    The eigenvalues a along the wire and b across it are in docs/theory/stepping.md. CONTACT_SHARE covers pairs of neighbouring
+    bodies at one node; `contact_along` times that acts along the wire. A turn [rad] couples a and b.
     """
     pull = np.maximum(tension, 0.0)
     contact = 4.0 * CONTACT_SHARE * np.asarray(contact_stiffness)

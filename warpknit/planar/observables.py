@@ -79,10 +79,8 @@ class PlanarObservables(HostState):
         rest_edge = [rest[self.entry] for rest in (table.rest_x, table.rest_y)]
         sum_ = np.array([[self.segment_force[:, a] @ rest for rest in rest_edge] for a in range(2)])
         touching = np.nonzero(self.pair_force > 0)[0]
-        if len(touching):
-            sum_ += np.einsum("pka,pkb->ab", self.pair_nodal[touching], pair_levers(self, touching))
-        if len(panel.held_node):
-            sum_ += np.einsum("ia,ib->ab", self.held_forces, panel.held_lever)
+        sum_ += np.einsum("pka,pkb->ab", self.pair_nodal[touching], pair_levers(self, touching))
+        sum_ += np.einsum("ia,ib->ab", self.held_forces, panel.held_lever)
         return sum_ / panel.area
 
     @property
@@ -113,10 +111,7 @@ class PlanarObservables(HostState):
     @property
     def clamp_force(self) -> np.ndarray:
         """[clamp] [N] magnitude of the clamp forces."""
-        if not len(self.model.panel.held_node):
-            return np.zeros(0)
-        total = self.edge_force
-        return np.hypot(total[:, 0], total[:, 1])
+        return np.hypot(*self.edge_force.T)
 
     @property
     def thermal_force(self) -> float:
@@ -162,10 +157,7 @@ class PlanarObservables(HostState):
     @property
     def penetration(self) -> float:
         """Largest penetration over the wire diameter; negative gaps of closed pairs."""
-        closed = self.pair_force > 0
-        if not closed.any():
-            return 0.0
-        return float(max(0.0, np.max(-self.pair_gap[closed])) / self.model.scene.wire.diameter)
+        return float(np.max(-self.pair_gap[self.pair_force > 0], initial=0.0) / self.model.scene.wire.diameter)
 
     body_near = contact_elsewhere = None  # planar wires touch only at bodies
     elsewhere_position, elsewhere_force, elsewhere_wires = np.zeros((0, 3)), np.zeros(0), np.zeros((0, 2), dtype=np.int64)

@@ -184,11 +184,10 @@ class Stepper:
 
     def _motion(self, parity: int, part: int) -> list[Launch]:
         """One thread's part of the motion: wires and bodies; the first thread also grips."""
-        model, state, now, then = self.model, self.state, parity, 1 - parity
-        block, blocks = self.blocks_of(part)
+        model, state, then = self.model, self.state, 1 - parity
         body, bodies = self.team.share(body_blocks(model), part)
         speeds, moved = {"vx": state.node_vx, "vy": state.node_vy}, {"ux": state.node_ux[then], "uy": state.node_uy[then]}
-        wires = self.wire_launch(now, block, blocks, *speeds.values(), *moved.values())
+        wires = self.wire_launch(parity, part, *speeds.values(), *moved.values())
         work = [wires, *body_launches(model, state, then, body, bodies)]
         if self.counts_stress:  # of the pairs, as rows of the sums of bodies
             of_row = {"first_row": body, "row_pairs": -(-model.pair_count // body_blocks(model))}
@@ -200,11 +199,9 @@ class Stepper:
             work.append(bind(move_held_nodes, held, *sources, model.constants, **moved))
         return work
 
-    def wire_launch(
-        self, now: int, first_block: int, blocks: int, vx: wp.array, vy: wp.array, ux_out: wp.array, uy_out: wp.array
-    ) -> Launch:
-        """Step of `blocks` blocks of wires from displacements of parity `now`; updates `vx`, `vy`."""
-        model, state = self.model, self.state
+    def wire_launch(self, now: int, part: int, vx: wp.array, vy: wp.array, ux_out: wp.array, uy_out: wp.array) -> Launch:
+        """Step of one thread's part of the wires from displacements of parity `now`; updates `vx`, `vy`."""
+        model, state, (first_block, blocks) = self.model, self.state, self.blocks_of(part)
         threads = lanes(WIRE_LANES, model.device)
         return bind(
             step_wires, blocks * threads, model.rest, model.mesh, state, model.constants, first_block=first_block,

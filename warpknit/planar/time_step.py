@@ -1,27 +1,11 @@
-"""Largest stable time step, from an upper bound on the highest frequency. By gradients of the strain measures.
+"""Largest stable time step, from an upper bound on the highest frequency (docs/theory/stepping.md).
 
-Every term of the energy is k_e q_e^2/2 with a gradient g_e over the nodes it touches, so the stiffness is K = B^T B with the rows
-sqrt(k_e) g_e of B, and M^-1 K has the same largest eigenvalue as the Gram matrix
+Every term of the energy is k_e q_e^2/2 with a gradient g_e over the nodes it touches. The bound is the largest (|G| d)_e/d_e of
+the Gram matrix G, with its row sums as d. The highest modes alternate from node to node, where all terms of a row add up, so it
+is within a few percent of w^2.
 
-    G = B M^-1 B^T        G_ef = sum over shared nodes i of sqrt(k_e k_f) g_e(i) . g_f(i)/m_i
-
-For any positive numbers d (Collatz and Wielandt),
-
-    w^2 <= max over e of (sum over f of |G_ef| d_f)/d_e
-
-The highest modes alternate from node to node, where all terms of a row add up. With the row sums as d the bound is within a few
-percent of w^2. On a straight wire of equal spacing it is exact: 4 K/(h m) or 80/3 EI/(h^3 m).
-
-| term | q | k |
-|---|---|---|
-| stretch of a segment | its length | K/L + abs(S)/h |
-| swing of a segment | its end across it | max(T, 0)/h + abs(S)/h |
-| bend at a node | turning angle | EI/l (1 + sum over both segments of L (1/l + 1/l_neighbour)/6) |
-| contact, closed or about to close | gap | penalty |
-
-T is the tension, S the shear force of a segment of length h: its geometric stiffness in a rotating segment is indefinite, at
-most S/h along and across. Compression lowers frequencies and is neglected. The slope of the moment (kernels/bend.py) couples
-the bends of neighbours, q_a q_b, which is at most (q_a^2 + q_b^2)/2 and is added to both.
+The geometric stiffness of the shear force S in a rotating segment is indefinite, at most S/h along and across. The slope of the
+moment (kernels/bend.py) couples the bends of neighbours, q_a q_b, which is at most (q_a^2 + q_b^2)/2 and is added to both.
 
 Central differences are stable up to w dt = 2, with w bounded so. Contacts that may close before the next check count
 as closed. A light body that bounces between its wires gains energy where its own frequency, w_body^2 = 2 k/m_body, is near that

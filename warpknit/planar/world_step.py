@@ -233,9 +233,8 @@ class WorldStepper:
 
     def _probe(self, stepper: Stepper, part: int) -> list[Launch]:
         """Stage of work, after the contact forces: a step whose control array holds PROBING."""
-        block, blocks = stepper.blocks_of(part)
         found, unused = self.accelerations[stepper.world], self._unused
-        return [stepper.wire_launch(stepper.state.parity, block, blocks, *found, unused[0], unused[1])]
+        return [stepper.wire_launch(stepper.state.parity, part, *found, unused[0], unused[1])]
 
 
 def steps_by_world(model: Model) -> bool:

@@ -112,7 +112,9 @@ def cubic(points: np.ndarray, basis: str, wrap: str) -> Curve:
         points = np.concatenate([2.0 * points[:1] - points[1:2], points, 2.0 * points[-1:] - points[-2:-1]])
     windows = sliding_window_view(points, 4, axis=0)[::step].transpose(0, 2, 1)
     pieces = np.einsum("bp,npk->nbk", MATRICES[basis], windows)
-    return Curve(pieces, "closed" if wrap == "periodic" or _meets(pieces) else "open")
+    corners = pieces.reshape(-1, 3)
+    meets = len(pieces) > 1 and _near(corners[0], corners[-1], float(np.ptp(corners, axis=0).max()))
+    return Curve(pieces, "closed" if wrap == "periodic" or meets else "open")
 
 
 def polyline(
@@ -170,9 +172,3 @@ def _slopes(points: np.ndarray, chord: np.ndarray, closing: np.ndarray, goes_on:
 
 def _near(first: np.ndarray, last: np.ndarray, size: float) -> bool:
     return bool(np.abs(last - first).max() <= SAME * size)
-
-
-def _meets(pieces: np.ndarray) -> bool:
-    """Whether an open curve of several pieces ends where it began."""
-    corners = pieces.reshape(-1, 3)
-    return len(pieces) > 1 and _near(corners[0], corners[-1], float(np.ptp(corners, axis=0).max()))

@@ -358,14 +358,11 @@ def curves_of(arrays: dict[str, np.ndarray], interpolation: str) -> CurveFile:
         no_radius = f"widths of some curves, none of wire {int(np.argmin(has_width)) + 1}"
     elif not ((low > 0.0) & (high <= MOST))[has_width].all():
         no_radius = f"a width of {np.nanmin(low):g}"
-    radius = 0.5 * _seven_digits(0.5 * (low + high)) if has_width.any() and not no_radius else None
+    radius: np.ndarray | None = None
+    if has_width.any() and not no_radius:  # the decimal numbers that single precision stands for
+        different, place = np.unique(0.5 * (low + high), return_inverse=True)
+        radius = 0.5 * np.array([float(f"{value:.7g}") for value in different])[place]
     return CurveFile(tuple(curves), CENTIMETRE if np.isnan(metres) else metres, radius, no_radius, notes=tuple(notes))
-
-
-def _seven_digits(values: np.ndarray) -> np.ndarray:
-    """The decimal numbers that single precision stands for."""
-    different, place = np.unique(values, return_inverse=True)
-    return np.array([float(f"{value:.7g}") for value in different])[place]
 
 
 Reader = Callable[[Any, str, bool, float | None], CurveFile]  # of a file, interpolation, whether closed, and time code

@@ -62,7 +62,12 @@ def read_pyp(path: Path, interpolation: str) -> CurveFile:
     if "*RK" in given and given["*RK"].any() and "*RefD1" not in given:
         raise BadFile("*RK without *RefD1, to whose directors it refers")
     period = np.array([width, height])
-    curves = _curves(given, _checked_edges(given["*E"], int(count)), period, interpolation)
+    edges = given["*E"]
+    if not (np.abs(edges[:, 2:]) <= MOST_REPEATS).all() or not (edges == np.floor(edges)).all():
+        raise BadFile(f"an edge in *E that is not four whole numbers, the last two at most {MOST_REPEATS}")
+    if not all(np.array_equal(np.sort(points), np.arange(count)) for points in edges.T[:2]):
+        raise BadFile("edges in *E that do not go once into and once out of every point")
+    curves = _curves(given, edges.astype(np.int64), period, interpolation)
     unknown = sorted(blocks.keys() - COLUMNS.keys() - {"*pattern"})
     notes = (f"blocks that are not read: {', '.join(unknown)}",) if unknown else ()
     return CurveFile(tuple(curves), radius=np.full(len(curves), radius), period=period, notes=notes)
@@ -98,16 +103,6 @@ def _numbers(blocks: dict[str, list[str]], heading: str, rows: int, columns: int
         except ValueError as error:
             raise BadFile(f"{line[:40]!r} under {heading}, not {columns} numbers") from error
     return values
-
-
-def _checked_edges(edges: np.ndarray, count: int) -> np.ndarray:
-    """(count, 4) whole numbers, ordered by the point that each comes from."""
-    if not (np.abs(edges[:, 2:]) <= MOST_REPEATS).all() or not (edges == np.floor(edges)).all():
-        raise BadFile(f"an edge in *E that is not four whole numbers, the last two at most {MOST_REPEATS}")
-    for column in range(2):
-        if not np.array_equal(np.sort(edges[:, column]), np.arange(count)):
-            raise BadFile("edges in *E that do not go once into and once out of every point")
-    return edges.astype(np.int64)
 
 
 def _curves(given: dict[str, np.ndarray], edges: np.ndarray, period: np.ndarray, interpolation: str) -> list[Curve]:
