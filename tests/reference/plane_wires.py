@@ -118,7 +118,6 @@ def panel_of_wires(
     return Panel(
         size=np.array([4e-3, 4e-3]),
         low=np.zeros(2),
-        outline=None,
         boundary="periodic" if closed else "gripped",
         wire_first=i32(first),
         wire_count=i32(count),
@@ -145,7 +144,6 @@ def panel_of_wires(
         held_lever=np.zeros((len(held), 2)),
         held_clamp=i32(np.zeros(len(held))),
         clamp_position=np.zeros((1 if len(held) else 0, 2)),
-        rhombus_bodies=np.zeros(0, dtype=int),
     )
 
 

@@ -19,7 +19,7 @@ from ..compute.memory import available_memory, required_memory
 from ..knit.cloth import Cloth, knit_cloth
 from ..knit.lapping import parse_chain
 from ..mechanics.protocols import Model
-from ..mesh.layout import copies_of_cloth, knit_scene, mesh_nodes, refuse_large_mesh, smaller_scene
+from ..mesh.layout import copies_of_cloth, knit_scene, mesh_nodes, smaller_scene
 from ..mesh.rim import net_nodes
 from ..reflection.study import reflection_text
 from ..results.finding import Finding, ResultTable, ResultWarning
@@ -184,9 +184,7 @@ def overview_of(scene: Scene, device: str | None = None) -> Overview:
     """What would run. Raises the errors of `make_plan`."""
     name = find_device(device, nodes=lambda: mesh_nodes(scene))
     file = None if scene.wires is None else wire_report(scene)
-    cloth = knit_scene(scene) if scene.hook is None and scene.wires is None else None
-    if cloth is not None:
-        refuse_large_mesh(scene, cloth, name)
+    cloth = knit_scene(scene, name) if scene.hook is None and scene.wires is None else None
     model, is_whole = sample_model(scene)
     nodes, wires, bodies, notes = model.node_count, len(model.panel.wire_first), model.panel.body_count, model.panel.notes
     if not is_whole and cloth is not None:

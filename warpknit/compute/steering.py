@@ -28,10 +28,9 @@ class Entry:
     def __get__(self, steering: Steering | None, owner: type | None = None) -> Any:
         if steering is None:
             return self
-        values = steering.values
-        if not self.shape:
-            return float(values[self.where]) if values.ndim == 1 else values[:, self.where].copy()
-        return values[..., self.where].reshape(*values.shape[:-1], *self.shape).copy()
+        found = steering.values[..., self.where]
+        found = found.reshape(*found.shape[:-1], *self.shape) if self.shape else found
+        return found.copy() if found.ndim else float(found)
 
     def __set__(self, steering: Steering, value: Any) -> None:
         steering.write({self: value})

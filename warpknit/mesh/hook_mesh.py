@@ -86,7 +86,6 @@ def lay_out_hook(scene: Scene, hook: Hook) -> tuple[Table, Panel, float]:
     panel = Panel(
         size=np.array([hook.height, hook.height]),
         low=np.zeros(2),
-        outline=None,
         boundary="gripped",
         wire_first=as32(first),
         wire_count=as32([count, count]),
@@ -113,7 +112,6 @@ def lay_out_hook(scene: Scene, hook: Hook) -> tuple[Table, Panel, float]:
         held_lever=place[:, held].reshape(-1, 2) - np.repeat(reference, 2, axis=0),
         held_clamp=as32(np.repeat(np.arange(4), 2)),
         clamp_position=reference,
-        rhombus_bodies=np.zeros(0, dtype=np.int64),
         sliding_clamp=as32([LEFT_TOP, RIGHT_TOP]),
     )
     return table, panel, hook.length

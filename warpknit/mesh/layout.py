@@ -45,21 +45,16 @@ def copies_of_cloth(scene: Scene) -> tuple[int, int]:
 
 def knit_scene(scene: Scene, device: str = "cpu") -> Cloth:
     """One repeat of the scene's cloth; all of it where loops differ. Before layout it refuses a mesh that cannot fit on the
-    device (`MemoryNeeded`), and scattered loops that hook otherwise (`KnitError`).
+    device (`MemoryNeeded`, with the key that sets its size), and scattered loops that hook otherwise (`KnitError`).
     """
     knit = scene.knit if scene.knit.scatter else scene.knit.even
     cloth = knit_cloth(knit, scene.wire.thickness, scene.model.merge_lenses, _tiles(scene))
-    refuse_large_mesh(scene, cloth, device)
-    return cloth
-
-
-def refuse_large_mesh(scene: Scene, cloth: Cloth, device: str) -> None:
-    """Refuse (`MemoryNeeded`) a mesh of the cloth that cannot fit on the device. Names the key that sets its size."""
     size = f"knit.repeats = {list(scene.knit.repeats)}"
     if scene.panel.outline != "rectangle":
         corners, length = f"panel.corners = {len(scene.panel.corners or ())} corners", scene.panel.size
         size = corners if length is None else f"panel.size = {exact(length, 'm')}"
     refuse_beyond_memory(size, scene, estimated_nodes(scene, cloth), device)
+    return cloth
 
 
 def refuse_large_patch(scene: Scene, use: str, instead: str) -> None:

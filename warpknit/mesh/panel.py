@@ -98,7 +98,12 @@ NOT_HELD = "hold no clasp, or are shorter than a quarter of a loop"
 GRIP_CLEARANCE = 0.05  # loops of wire that a lens must keep from a grip, or its clasp is left out
 
 
-@dataclass(frozen=True)
+def _empty(dtype: type, *columns: int) -> Any:
+    """A field that is empty by default."""
+    return field(default_factory=lambda: np.zeros((0, *columns), dtype=dtype))
+
+
+@dataclass(frozen=True, kw_only=True)
 class Panel:
     """Wires, bodies and grips of the mesh. Index arrays are int32; wires hold consecutive nodes."""
 
@@ -106,7 +111,7 @@ class Panel:
 
     size: np.ndarray  # (2,) [m] rest size of the mesh, or of the box around it
     low: np.ndarray  # (2,) [m] its lower corner
-    outline: Outline | None  # that it is cut along; None where it is periodic
+    outline: Outline | None = None  # that it is cut along; None where it is periodic
     boundary: str  # gripped | periodic
     wire_first: np.ndarray  # [wire] first node
     wire_count: np.ndarray  # [wire] nodes
@@ -114,34 +119,34 @@ class Panel:
     wire_thread: np.ndarray  # [wire] thread of the repeat
     wire_length: np.ndarray  # [wire] [m] between its clamps, or all round
     wire_clamp: np.ndarray  # [wire, 2, CLAMP_NUMBERS] its clamps (kernels/clamp.py), zero where it has none
-    block_first: np.ndarray  # [block] first node
-    block_count: np.ndarray  # [block] nodes, at most BLOCK_SIZE
-    block_table: np.ndarray  # [block] table entry of the first node
-    block_wire: np.ndarray  # [block]
-    block_origin: np.ndarray  # [block, 2] [m]
-    body_clasp: np.ndarray  # [body] clasp of the repeat
+    block_first: np.ndarray = _empty(np.int32)  # [block] first node
+    block_count: np.ndarray = _empty(np.int32)  # [block] nodes, at most BLOCK_SIZE
+    block_table: np.ndarray = _empty(np.int32)  # [block] table entry of the first node
+    block_wire: np.ndarray = _empty(np.int32)  # [block]
+    block_origin: np.ndarray = _empty(float, 2)  # [block, 2] [m]
+    body_clasp: np.ndarray = _empty(np.int32)  # [body] clasp of the repeat
     body_rest: np.ndarray  # [body, 2] [m] position at rest in the frame of its repeat
     body_origin: np.ndarray  # [body, 2] [m] what to add to it
     pair_wire: np.ndarray  # [pair]; pairs 2b and 2b + 1 belong to body b
-    pair_seed: np.ndarray  # [pair] node that starts the segment nearest to the body at rest
-    pair_table: np.ndarray  # [pair] table entry of that node, in the first period
-    pair_shift: np.ndarray  # [pair, 2] [m] position of the body in the frame of the table = body_rest - shift
-    pair_low: np.ndarray  # [pair] reach along the wire in segments from the seed
-    pair_high: np.ndarray  # [pair]
-    pair_side: np.ndarray  # [pair] +1 | -1
-    held_node: np.ndarray  # [held] sorted
-    held_lever: np.ndarray  # [held, 2] [m] rest position of the node relative to its clamp
-    held_clamp: np.ndarray  # [held] clamp that holds it
-    clamp_position: np.ndarray  # [clamp, 2] [m]
-    rhombus_bodies: np.ndarray  # bodies round the complete opening nearest to the middle
+    pair_seed: np.ndarray = _empty(np.int32)  # [pair] node that starts the segment nearest to the body at rest
+    pair_table: np.ndarray = _empty(np.int32)  # [pair] table entry of that node, in the first period
+    pair_shift: np.ndarray = _empty(float, 2)  # [pair, 2] [m] position of the body in the frame of the table = body_rest - shift
+    pair_low: np.ndarray = _empty(np.int32)  # [pair] reach along the wire in segments from the seed
+    pair_high: np.ndarray = _empty(np.int32)  # [pair]
+    pair_side: np.ndarray = _empty(np.int32)  # [pair] +1 | -1
+    held_node: np.ndarray = _empty(np.int32)  # [held] sorted
+    held_lever: np.ndarray = _empty(float, 2)  # [held, 2] [m] rest position of the node relative to its clamp
+    held_clamp: np.ndarray = _empty(np.int32)  # [held] clamp that holds it
+    clamp_position: np.ndarray = _empty(float, 2)  # [clamp, 2] [m]
+    rhombus_bodies: np.ndarray = _empty(np.int32)  # bodies round the complete opening nearest to the middle
     # [wire] [m] arc of its lower clamp along its thread, counted as `block_table` of its first block; without clamps: empty
-    wire_begin: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    wire_begin: np.ndarray = _empty(float)
     # (2,) distance of the outermost clamps over `size`; below 1 for wires from a file, whose clamps end inside it
     clamp_share: np.ndarray = field(default_factory=lambda: np.ones(2))
-    notes: tuple[str, ...] = field(default=())  # how the mesh was cut
-    warnings: tuple[ResultWarning, ...] = field(default=())  # about the wires of a file
+    notes: tuple[str, ...] = ()  # how the mesh was cut
+    warnings: tuple[ResultWarning, ...] = ()  # about the wires of a file
     # clamps that are free to move along warp (kernels/slide.py), each of two nodes that are a block of their own
-    sliding_clamp: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+    sliding_clamp: np.ndarray = _empty(np.int32)
 
     @cached_property
     def area(self) -> float:
@@ -279,11 +284,8 @@ def build_panel(
     shift = np.stack(
         [(bodies.strand_column - bodies.column[:, None]) * repeat[0], (pair_period - bodies.row[:, None]) * repeat[1]], axis=2
     )
-    if strands.closed:
-        none = np.zeros((0, 2))
-        grips: dict[str, Any] = {"held_node": as32([]), "held_lever": none, "held_clamp": as32([]), "clamp_position": none}
-        grips["wire_clamp"] = np.zeros((len(used), 2, clamp.CLAMP_NUMBERS))
-    else:
+    grips: dict[str, Any] = {"wire_clamp": np.zeros((len(used), 2, clamp.CLAMP_NUMBERS))}
+    if not strands.closed:
         grips = _clamps(cloth, table, strands, used, first, set_fraction)
     return Panel(
         size=size,

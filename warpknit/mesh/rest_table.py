@@ -178,8 +178,11 @@ def _fit_rest_curve(centre_line: CentreLine, nodes: int, spacing: float) -> tupl
     m0, m1 = 0.5 * (corner[2] - corner[0]), 0.5 * (corner[3] - corner[1])
     apart = SLOPE_SHARE * spacing
     slope = (centre_line(k * spacing + apart) - centre_line(k * spacing - apart))[:, :2] / (2.0 * SLOPE_SHARE)
-    correction = np.stack(_parts(slope - m0, m0), axis=1)
-    next_slope = m1 + _turned(np.roll(correction, -1, axis=0), m1)
+    # a, b of slope - m0 = a m0 + b J m0, J a turn by 90 degrees
+    change = slope - m0
+    correction = np.stack([np.sum(change * m0, axis=1), plan_cross(m0, change)], axis=1) / np.sum(m0 * m0, axis=1)[:, None]
+    a, b = np.roll(correction, -1, axis=0).T[..., None]
+    next_slope = m1 + (a * m1 + b * np.stack([-m1[:, 1], m1[:, 0]], axis=1))
     h10, h01, h11 = hermite(u)
     smooth = h10[:, None] * slope[:, None] + h01[:, None] * chord[:, None] + h11[:, None] * next_slope[:, None]
     arcs = ((k[:, None] + u) * spacing).ravel()
@@ -197,16 +200,3 @@ def _fit_rest_curve(centre_line: CentreLine, nodes: int, spacing: float) -> tupl
     bump = np.linalg.pinv(system) @ wanted
     error = np.abs(wanted - system @ bump).reshape(miss.shape)[..., 1]
     return np.concatenate([correction, bump[..., 0]], axis=1), float(np.max(error))
-
-
-def _parts(vector: np.ndarray, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers a, b (...) such that vector = a base + b J base, both (..., 2)."""
-    square = np.sum(base * base, axis=-1)
-    across = base[..., 0] * vector[..., 1] - base[..., 1] * vector[..., 0]
-    return np.sum(vector * base, axis=-1) / square, across / square
-
-
-def _turned(parts: np.ndarray, base: np.ndarray) -> np.ndarray:
-    """a base + b J base (..., 2) of parts a, b (..., 2)."""
-    normal = np.stack([-base[..., 1], base[..., 0]], axis=-1)
-    return parts[..., :1] * base + parts[..., 1:] * normal

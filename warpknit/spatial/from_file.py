@@ -21,12 +21,6 @@ from .rods import Rods, Section, rods_of
 from .sites import NOWHERE, Sites
 
 MIN_NODES = 5  # of an open wire; its clamps hold four
-# fields of a panel that wires from a file leave empty
-EMPTY_INDEX_FIELDS = (
-    "block_first", "block_count", "block_table", "block_wire", "body_clasp", "pair_seed", "pair_table", "pair_low", "pair_high",
-    "pair_side", "held_node", "held_clamp", "rhombus_bodies",
-)  # fmt: skip
-EMPTY_VECTOR_FIELDS = ("block_origin", "pair_shift", "held_lever")
 
 
 def panel_of_wires(sections: Sequence[Section], wires: Wires, loop_length: float) -> tuple[Panel, SpatialWires, Rods]:
@@ -141,9 +135,6 @@ def _panel(wires: Wires, placed: SpatialWires, rods: Rods, places: Places, nodes
     points, first, count = rods.position[:, :2], rods.wire_first, rods.wire_count
     site_wire = placed.site_wire[len(places) :, 0]
     nearest = first[site_wire] + placed.site_seed[len(places) :, 0].astype(int)
-    none: dict[str, np.ndarray] = dict.fromkeys(EMPTY_INDEX_FIELDS, np.zeros(0, dtype=np.int32)) | dict.fromkeys(
-        EMPTY_VECTOR_FIELDS, np.zeros((0, 2))
-    )
     clamps = (points[placed.held_node] - placed.held_lever)[::2]
     size, clamp_share = wires.period, np.ones(2)
     if size is None:
@@ -152,7 +143,6 @@ def _panel(wires: Wires, placed: SpatialWires, rods: Rods, places: Places, nodes
     return Panel(
         size=size,
         low=points.min(axis=0) if wires.period is None else np.zeros(2),
-        outline=None,
         boundary="gripped" if wires.period is None else "periodic",
         wire_first=first,
         wire_count=count,
@@ -165,7 +155,5 @@ def _panel(wires: Wires, placed: SpatialWires, rods: Rods, places: Places, nodes
         body_rest=np.concatenate([places.position, points[nearest]]),
         body_origin=np.zeros((len(placed.site_wire), 2)),
         pair_wire=placed.site_wire.ravel().astype(np.int32),
-        notes=(),
         warnings=(*wires.warnings, *(few_nodes(nodes_per_loop) if places.hooks else ())),
-        **none,
     )

@@ -8,6 +8,7 @@ their distances are depends on the quadrature alone.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -65,38 +66,33 @@ class ArcLength:
         share = np.divide(wanted, self.parts[part], out=np.zeros_like(wanted), where=self.parts[part] > 0.0)
         place = start + share / PARTS
         for _ in range(NEWTON_STEPS):
-            speed = np.linalg.norm(_derivative(pieces, place), axis=-1)
+            speed = _speed(pieces, place)
             excess = _lengths(pieces, start, place) - wanted
             step = np.divide(excess, speed, out=np.zeros_like(excess), where=speed > 0.0)
             place = np.clip(place - step, start, end)
             if np.abs(step).max(initial=0.0) < FOUND:
                 break
-        return _value(pieces, place)
+        return _bezier(pieces, place)
 
 
 def _lengths(pieces: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
     """Arc length (...) of pieces (..., 4, 3) between parameters (...)."""
     span = np.asarray(end - start)
     places = start[..., None] + span[..., None] * PLACES
-    speed = np.linalg.norm(_derivative(pieces[..., None, :, :], places), axis=-1)
-    return np.asarray(span * (speed @ WEIGHTS))
+    return np.asarray(span * (_speed(pieces[..., None, :, :], places) @ WEIGHTS))
 
 
-def _value(pieces: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """(..., 3) by de Casteljau's steps."""
+def _speed(pieces: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Norm (...) of the derivative by the parameter."""
+    return np.linalg.norm(_bezier(3.0 * np.diff(pieces, axis=-2), t), axis=-1)
+
+
+def _bezier(points: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """(..., 3) of control points (..., n, 3), by de Casteljau's steps."""
     t = t[..., None, None]
-    for _ in range(3):
-        pieces = pieces[..., :-1, :] + t * np.diff(pieces, axis=-2)
-    return np.asarray(pieces[..., 0, :])
-
-
-def _derivative(pieces: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """(..., 3) by the parameter."""
-    rise = 3.0 * np.diff(pieces, axis=-2)
-    t = t[..., None, None]
-    for _ in range(2):
-        rise = rise[..., :-1, :] + t * np.diff(rise, axis=-2)
-    return np.asarray(rise[..., 0, :])
+    while points.shape[-2] > 1:
+        points = points[..., :-1, :] + t * np.diff(points, axis=-2)
+    return np.asarray(points[..., 0, :])
 
 
 def segment_count(length: float, kind: str, spacing: float) -> int:
@@ -131,30 +127,29 @@ def natural_turns(curve: Curve, arc: ArcLength, points: np.ndarray) -> np.ndarra
     """
     if curve.natural_turn is None:
         return None
-    own, here, after, share = _places(arc, len(points))
-    rate = curve.natural_turn / own[:, None]
     at_points = _tangents(curve.pieces[:, 3] - curve.pieces[:, 0])
     at_nodes = _tangents(np.concatenate([points[1:], points[:1] + curve.pieces[-1, 3] - curve.pieces[0, 0]]) - points)
-    first = transported(rate[here], at_points[here], at_nodes)
-    return (first + share[:, None] * (transported(rate[after], at_points[after], at_nodes) - first)) * arc.length / len(points)
+    return _interpolated(curve.natural_turn, arc, len(points), lambda rate, i: transported(rate, at_points[i], at_nodes))
 
 
 def twist_strains(curve: Curve, arc: ArcLength, count: int) -> np.ndarray | None:
     """[node] [rad] twist at rest less natural twist of `count` nodes; None: the natural twist is that at rest."""
     if curve.twist is None:
         return None
-    own, here, after, share = _places(arc, count)
-    rate = curve.twist / own
-    return np.asarray((rate[here] + share * (rate[after] - rate[here])) * arc.length / count)
+    return _interpolated(curve.twist[:, None], arc, count, lambda rate, _: rate)[:, 0]
 
 
-def _places(arc: ArcLength, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """[piece] length that belongs to its first point; [node] the points before and behind, and the place between them."""
+def _interpolated(
+    values: np.ndarray, arc: ArcLength, count: int, moved: Callable[[np.ndarray, np.ndarray], np.ndarray]
+) -> np.ndarray:
+    """Values (node, n) of `count` nodes, from values (point, n) integrated over the points; moved: from points to the nodes."""
     knots = arc.knots[::PARTS]
     length = np.diff(knots)
     place = np.arange(count) * (arc.length / count)
     here = np.clip(np.searchsorted(knots, place, side="right") - 1, 0, len(length) - 1)
-    return 0.5 * (length + np.roll(length, 1)), here, (here + 1) % len(length), (place - knots[here]) / length[here]
+    rate, after = values / (0.5 * (length + np.roll(length, 1)))[:, None], (here + 1) % len(length)
+    first, second = moved(rate[here], here), moved(rate[after], after)
+    return (first + ((place - knots[here]) / length[here])[:, None] * (second - first)) * arc.length / count
 
 
 def _tangents(edge: np.ndarray) -> np.ndarray:
