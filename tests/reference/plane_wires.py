@@ -278,5 +278,5 @@ def strains(model, state) -> np.ndarray:
     """[node] strain of the curved segments (kernels/energy.py)."""
     names = ("tension", "turning", "force_x", "force_y", "strain")
     out = {n: wp.zeros(model.panel.node_count, dtype=model.precision.real, device=model.device) for n in names}
-    evaluation(model, state, state.parity, out, (0, len(model.panel.block_first))).run(model.device)
+    evaluation(model, state, out, (0, len(model.panel.block_first))).run(model.device)
     return out["strain"].numpy().astype(np.float64)

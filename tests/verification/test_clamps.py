@@ -36,6 +36,6 @@ def test_arcs_next_to_a_clamp_are_as_long_as_elsewhere() -> None:
         values[state.parity].assign(now)
     diagnostics = Diagnostics(WorldStepper(model, state=state))
     diagnostics.sums(np.array([0]))
-    strain = diagnostics.of_nodes(0)["strain"].numpy()[1 : count - 4]
+    strain = diagnostics.of_nodes[0]["strain"].numpy()[1 : count - 4]
     expected = (turn**2 - table.rest_turn[entry[4]] ** 2) / 24.0
     assert strain == pytest.approx(np.full(len(strain), expected), abs=1e-12)

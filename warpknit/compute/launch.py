@@ -84,12 +84,11 @@ def bind(kernel: wp.Kernel, threads: int, /, *sources: object, **named: object) 
 def _attribute(kernel: wp.Kernel, name: str, sources: tuple[object, ...]) -> object:
     """The attribute `name` of the one source that has it."""
     holders = [source for source in sources if hasattr(source, name)]
-    if len(holders) == 1:
-        return getattr(holders[0], name)
-    types = ", ".join(type(source).__name__ for source in (holders or sources)) or "no source"
-    if holders:
-        raise TypeError(f"argument {name} of kernel {kernel.key} is ambiguous: {types} have it")
-    raise TypeError(f"argument {name} of kernel {kernel.key} is missing: neither named nor an attribute of {types}")
+    if len(holders) != 1:
+        types = ", ".join(type(source).__name__ for source in (holders or sources)) or "no source"
+        fault = f"ambiguous: {types} have it" if holders else f"missing: neither named nor an attribute of {types}"
+        raise TypeError(f"argument {name} of kernel {kernel.key} is {fault}")
+    return getattr(holders[0], name)
 
 
 FEW_ROWS = 64  # that one thread adds

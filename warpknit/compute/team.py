@@ -51,15 +51,10 @@ class Team:
 
         All threads see the control array of a shared world freeze after the same step.
         """
-        replayed = [0] * self.threads
-
-        def of_thread(part: int) -> None:
-            for graph in graphs[part]:
-                if not (self._on_cpu and FROZEN.issuperset(fetch(control)[..., int(STATUS)].ravel().tolist())):
-                    wp.capture_launch(graph)
-                    replayed[part] += 1
-
-        self.together([partial(of_thread, part) for part in range(self.threads)])
+        status = fetch(control)[..., int(STATUS)] if self._on_cpu else np.zeros(0)
+        replayed: list[int] = []
+        first, *others = (partial(self._until_frozen, own, status) for own in graphs)
+        self.together([lambda: replayed.append(first()), *others])
         return replayed[0]
 
     def replay_worlds(self, graphs: Sequence[wp.Graph], times: int, status: Sequence[np.ndarray], threads: int) -> None:
@@ -67,14 +62,15 @@ class Team:
 
         status [graph]: of its worlds, views.
         """
+        self.each([partial(self._until_frozen, [graph] * times, own) for graph, own in zip(graphs, status, strict=True)], threads)
 
-        def in_turn(graph: wp.Graph, worlds: np.ndarray) -> None:
-            for _ in range(times):
-                if self._on_cpu and FROZEN.issuperset(worlds.tolist()):
-                    return
-                wp.capture_launch(graph)
-
-        self.each([partial(in_turn, graph, worlds) for graph, worlds in zip(graphs, status, strict=True)], threads)
+    def _until_frozen(self, graphs: Sequence[wp.Graph], status: np.ndarray) -> int:
+        """Launch graphs in turn; return the number. On the CPU until all entries of `status`, a view, are frozen."""
+        for number, graph in enumerate(graphs):
+            if self._on_cpu and FROZEN.issuperset(status.ravel().tolist()):
+                return number
+            wp.capture_launch(graph)
+        return len(graphs)
 
     def barrier(self) -> list[Launch]:
         """Launch by which a thread waits for all others; none for a single thread."""

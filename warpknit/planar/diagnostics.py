@@ -20,14 +20,7 @@ from ..compute.steering import Steering
 from ..kernels import sums as k
 from ..kernels.control import STRESS_UNIT
 from ..kernels.rayleigh import sum_rayleigh
-from ..mechanics.numerics import (
-    ENERGY_FLOOR,
-    FORCE_FLOOR,
-    LOCAL_ALLOWANCE,
-    SLOWEST_WAVE,
-    renewed_damping,
-    slowest_damping,
-)
+from ..mechanics.numerics import ENERGY_FLOOR, FORCE_FLOOR, LOCAL_ALLOWANCE, SLOWEST_WAVE, renewed_damping, slowest_damping
 from .host_state import evaluation
 from .model import Model
 from .step import Stepper
@@ -72,7 +65,8 @@ class Diagnostics:
         panel, real, device = model.panel, model.precision.real, model.device
         names = ("force_x", "force_y", "strain", "tension", "turning")
         arrays = {name: wp.zeros((worlds, panel.node_count), dtype=real, device=device) for name in names}
-        self._of_nodes = [{name: array[world] for name, array in arrays.items()} for world in range(worlds)]
+        # of each world, arrays [node] as last evaluated: force_x, force_y [N], strain, tension [N], turning [rad]
+        self.of_nodes = [{name: array[world] for name, array in arrays.items()} for world in range(worlds)]
         pair, held = _pairs_at_clamps(model), panel.held_node
         self._held_entries = Entries(np.concatenate([held, np.maximum(held - 1, 0)]), device)
         self._clamp_pairs = Entries(pair, device) if len(pair) else None
@@ -89,14 +83,10 @@ class Diagnostics:
         self.stepper.run(rows, self._evaluate, self._sum)
         return self._sum_up(rows)
 
-    def of_nodes(self, world: int) -> dict[str, wp.array]:
-        """Arrays [node] of a world, as last evaluated: force_x, force_y [N], strain, tension [N], turning [rad]."""
-        return self._of_nodes[world]
-
     def _evaluate(self, stepper: Stepper, part: int) -> list[Launch]:
         """Stage of work: forces, strains, tensions and turnings of the nodes."""
         state = stepper.state
-        return [evaluation(self.model, state, self.of_nodes(stepper.world), stepper.blocks_of(part))]
+        return [evaluation(self.model, state, self.of_nodes[stepper.world], stepper.blocks_of(part))]
 
     def _sum(self, stepper: Stepper, part: int) -> list[Launch]:
         """Launches of the sums of wires and pairs."""
@@ -105,7 +95,7 @@ class Diagnostics:
         pair, pairs = stepper.team.share(self._pairs.shape[1], part)
         rows = {"pair_block": k.PAIR_BLOCK, "partial": self._pairs[world]}
         return [
-            bind(k.sum_wires, blocks, *sources, first_block=block, partial=self._wires[world], **self.of_nodes(world)),
+            bind(k.sum_wires, blocks, *sources, first_block=block, partial=self._wires[world], **self.of_nodes[world]),
             bind(k.sum_pairs, pairs, *sources, first_block=pair, **rows),
         ]
 
@@ -155,7 +145,7 @@ class Diagnostics:
 
     def _held_forces(self, world: int) -> np.ndarray:
         """(held, 2) [N] forces of wires and contacts on held nodes."""
-        state, node, of_nodes = self.stepper.states[world], self.model.panel.held_node, self.of_nodes(world)
+        state, node, of_nodes = self.stepper.states[world], self.model.panel.held_node, self.of_nodes[world]
         both = np.stack([self._held_entries.fetch(of_nodes[name]) for name in ("force_x", "force_y")], axis=1).astype(np.float64)
         force, before = both[: len(node)], both[len(node) :]
         before[self._held_first] = 0.0
@@ -245,55 +235,47 @@ class SlowestMode:
         steering.set(rows, damping=renewed)
 
 
-class Residual:
-    """Computes the residual from the sums of a convergence check."""
+def residual(model: Model, control: Steering, sums: Sums, axial: np.ndarray) -> np.ndarray:
+    """[row] the larger of balance and motion, for solver.residual_tolerance.
 
-    def __init__(self, model: Model) -> None:
-        self.model = model
-        h = float(model.table.spacing.min())
-        epsilon = float(np.finfo(np.float32 if model.precision.name == "single" else np.float64).eps) / 2
-        # rounding of an edge times the stretching and the bending stiffness of a segment
-        self._round_off_terms = (epsilon, 4 * model.bending_stiffness / h**2)
-        self._stretch_energy = h / model.axial_stiffness
-        self._bend_energy = model.bending_stiffness / h
+    `axial` [row, wire] [N]: the stiffnesses of the dynamics.
 
-    def measure(self, control: Steering, sums: Sums, axial: np.ndarray) -> np.ndarray:
-        """[row] the larger of balance and motion, for solver.residual_tolerance.
+    Balance: rms nodal residual over the mean contact force, and a share of the largest one, limited by round-off.
+    Motion: root of kinetic over stored energy, which measures soft modes with small residual forces.
+    """
+    tolerance, mesh = model.scene.solver.residual_tolerance, model.global_model.panel
+    scale = np.maximum(sums.force_mean, FORCE_FLOOR * measure.force_scale(model))
+    round_off_rms, round_off_max = round_off(model, axial)
+    free = mesh.node_count + mesh.body_count - len(mesh.held_node)
+    rms, largest = np.sqrt(control.force_square / free), control.force_max
+    limit = ROUND_OFF_SHARE * scale
+    local = max(LOCAL_ALLOWANCE, free**0.25)  # one isolated residual changes the mean fourth power of all by this
+    balance = np.maximum(
+        rms / np.maximum(scale, np.minimum(round_off_rms, limit) / tolerance),
+        largest / (local * np.maximum(scale, np.minimum(round_off_max, limit) / tolerance)),
+    )
+    h = float(model.table.spacing.min())
+    stretch, bend = h / model.axial_stiffness, model.bending_stiffness / h
+    stored = 0.5 * sums.tension_square * stretch + 0.5 * sums.turning_square * bend
+    least = ENERGY_FLOOR * measure.energy_scale(model.global_model)
+    motion = np.sqrt(0.5 * control.kinetic_twice / np.maximum(stored, least))
+    return np.maximum(balance, motion)
 
-        `axial` [row, wire] [N]: the stiffnesses of the dynamics.
 
-        Balance: rms nodal residual over the mean contact force, and a share of the largest one, limited by round-off.
-        Motion: root of kinetic over stored energy, which measures soft modes with small residual forces.
-        """
-        model, tolerance = self.model, self.model.scene.solver.residual_tolerance
-        scale = np.maximum(sums.force_mean, FORCE_FLOOR * measure.force_scale(model))
-        mesh = model.global_model.panel
-        round_off_rms, round_off_max = self.round_off(axial)
-        free = mesh.node_count + mesh.body_count - len(mesh.held_node)
-        rms, largest = np.sqrt(control.force_square / free), control.force_max
-        limit = ROUND_OFF_SHARE * scale
-        local = max(LOCAL_ALLOWANCE, free**0.25)  # one isolated residual changes the mean fourth power of all by this
-        balance = np.maximum(
-            rms / np.maximum(scale, np.minimum(round_off_rms, limit) / tolerance),
-            largest / (local * np.maximum(scale, np.minimum(round_off_max, limit) / tolerance)),
-        )
-        stored = 0.5 * sums.tension_square * self._stretch_energy + 0.5 * sums.turning_square * self._bend_energy
-        least = ENERGY_FLOOR * measure.energy_scale(model.global_model)
-        motion = np.sqrt(0.5 * control.kinetic_twice / np.maximum(stored, least))
-        return np.maximum(balance, motion)
+def round_off(model: Model, axial: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """[row] residuals [N] due to round-off, rms and largest; `axial` as in `residual`."""
+    # rounding of an edge times the stretching and the bending stiffness of a segment
+    epsilon = float(np.finfo(np.float32 if model.precision.name == "single" else np.float64).eps) / 2
+    bending = 4 * model.bending_stiffness / float(model.table.spacing.min()) ** 2
+    force = epsilon * np.hypot(axial.astype(np.float64), bending)  # [row, wire]
+    square = model.ranks.sum(np.sum(force**2 * model.panel.wire_count, axis=1)) / model.global_model.panel.node_count
+    return ROUND_OFF_RMS * np.sqrt(square), ROUND_OFF_LARGEST * model.ranks.largest(force.max(axis=1))
 
-    def round_off(self, axial: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """[row] residuals [N] due to round-off, rms and largest."""
-        model = self.model
-        epsilon, bending = self._round_off_terms
-        force = epsilon * np.hypot(axial.astype(np.float64), bending)  # [row, wire]
-        square = model.ranks.sum(np.sum(force**2 * model.panel.wire_count, axis=1)) / model.global_model.panel.node_count
-        return ROUND_OFF_RMS * np.sqrt(square), ROUND_OFF_LARGEST * model.ranks.largest(force.max(axis=1))
 
-    def is_lost_in_round_off(self, sums: Sums, axial: np.ndarray) -> np.ndarray:
-        """[row] whether round-off exceeds the allowed out-of-balance forces."""
-        scale = np.maximum(sums.force_mean, FORCE_FLOOR * measure.force_scale(self.model))
-        return np.asarray(self.round_off(axial)[0] > ROUND_OFF_SHARE * scale)
+def is_lost_in_round_off(model: Model, sums: Sums, axial: np.ndarray) -> np.ndarray:
+    """[row] whether round-off exceeds the allowed out-of-balance forces; `axial` as in `residual`."""
+    scale = np.maximum(sums.force_mean, FORCE_FLOOR * measure.force_scale(model))
+    return np.asarray(round_off(model, axial)[0] > ROUND_OFF_SHARE * scale)
 
 
 def _pairs_at_clamps(model: Model) -> np.ndarray:

@@ -27,7 +27,9 @@ from .state import State
 
 OPTIONAL = ("strain", "edge_x", "edge_y", "elastic", "moment", "bow_moment")  # optional outputs of evaluate_wires
 NUMBERS_OF_PAIRS = ("pair_force", "pair_offset", "pair_gap", "pair_wake", "pair_u")
-OF_NODES = ("u", "edge", "tension", "segment_force", "moment", "bow_moment", "turning")
+OF_NODES = (  # nodes, wires and clamps are in the order of the wires
+    "u", "edge", "tension", "segment_force", "moment", "bow_moment", "turning", "wire_axial", "thermal_strain", "clamp_shift",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -153,16 +155,11 @@ def joined(state: HostState) -> HostState:
     model = state.model
     join = Join(model)
     first_node = 0 if model.strip is None else model.strip.nodes.start
-    parts: dict[str, Any] = {name: join.nodes(getattr(state, name)) for name in OF_NODES}
-    parts |= {"wire_axial": join.wires(state.wire_axial), "body_u": join.bodies(state.body_u)}
-    for name in ("plastic_turn", "back_turn", "elastic"):
-        values = getattr(state, name)
-        parts[name] = join.nodes(values) if len(values) == model.panel.node_count else values
-    parts |= {"clamp_shift": join.clamps(state.clamp_shift), "thermal_strain": join.wires(state.thermal_strain)}
-    parts["pair_node"] = join.pairs(state.pair_node + first_node)
-    parts |= {name: join.pairs(getattr(state, name)) for name in (*NUMBERS_OF_PAIRS, "pair_slide", "pair_nodal")}
-    if len(state.pair_stuck):
-        parts["pair_stuck"] = join.pairs(state.pair_stuck)
+    of_nodes = (*OF_NODES, *(("plastic_turn", "back_turn", "elastic") if model.yield_moment else ()))
+    of_pairs = (*NUMBERS_OF_PAIRS, "pair_slide", "pair_nodal", *(("pair_stuck",) if len(state.pair_stuck) else ()))
+    parts: dict[str, Any] = {name: join.nodes(getattr(state, name)) for name in of_nodes}
+    parts |= {name: join.pairs(getattr(state, name)) for name in of_pairs}
+    parts |= {"pair_node": join.pairs(state.pair_node + first_node), "body_u": join.bodies(state.body_u)}
     return replace(state, model=model.global_model, **parts) if model.ranks.is_first else state
 
 
@@ -213,7 +210,7 @@ class Join:
         parts = self._collect(values)
         return np.concatenate(parts) if parts else values[:0]
 
-    wires = clamps = nodes
+    wires = nodes
 
     def bodies(self, values: np.ndarray) -> np.ndarray:
         """[body, ...]"""

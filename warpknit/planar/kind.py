@@ -22,10 +22,8 @@ NODES = (10, 12, 14, 16, 18, 20, 24, 30, 40)  # a loop
 HOOK_NODES = (16, 24, 32, 48, 64, 96)  # a wire
 FINE = {"periodic": 48, "gripped": 34, "hook": 128}  # nodes of the fine run, a loop or a wire
 TOLERANCE = 1e-4  # of fine runs and references
-REFERENCE = (
-    (2_000, 96),
-    (float("inf"), 54),
-)  # nodes a loop of the reference of a trade, up to these numbers of nodes of the scene
+# nodes a loop of the reference of a trade, up to these numbers of nodes of the scene
+REFERENCE = ((2_000, 96), (float("inf"), 54))
 HOOK_REFERENCE = 192  # segments a wire of the same, where two wires are hooked
 
 VARIED_NODES = (8, 10, 12, 14, 16, 18, 20, 24, 30, 40, 54)  # of a trade, a loop

@@ -20,7 +20,7 @@ from ..mechanics.numerics import CHECK_STEPS
 from ..mechanics.protocols import Check, Drift, Mechanics, strength_exceeded
 from ..mechanics.worlds import Worlds
 from ..mesh.rim import LoadPoint
-from .diagnostics import Diagnostics, Residual, SlowestMode, Sums
+from .diagnostics import Diagnostics, SlowestMode, Sums, is_lost_in_round_off, residual
 from .host_state import read_strip
 from .model import Model
 from .multipliers import Multipliers
@@ -50,8 +50,8 @@ class PlanarWorlds(Worlds):
         model = models[0]
         self.stepper = WorldStepper(model, len(models), state, threads=threads)
         self.state = self.stepper.state
-        self.diagnostics, self.residual = Diagnostics(self.stepper), Residual(model)
-        self.slowest_mode, self.multipliers = SlowestMode(self.stepper), Multipliers(self.diagnostics)
+        self.diagnostics, self.slowest_mode = Diagnostics(self.stepper), SlowestMode(self.stepper)
+        self.multipliers = Multipliers(self.diagnostics)
         self.checked_stress = np.zeros((len(models), 2, 2))  # [N/m] nominal stress as last evaluated
         length = float(model.global_model.panel.wire_length.sum())
         super().__init__(models, self.state.steering, model.axial_stiffness * length)
@@ -69,7 +69,7 @@ class PlanarWorlds(Worlds):
             self.members[row].search()
 
     def check(self, rows: np.ndarray, checks: np.ndarray, loading: np.ndarray) -> Check:
-        residual, ratio = np.full(len(rows), np.nan), np.full(len(rows), np.inf)
+        found, ratio = np.full(len(rows), np.nan), np.full(len(rows), np.inf)
         if self.model.scene.solver.multipliers:
             self.multipliers.bound_softening(rows[checks % SOFTENING_CHECKS == 0])
         self.strains.renew_masses(rows)
@@ -80,13 +80,13 @@ class PlanarWorlds(Worlds):
         if not loading.all():
             self.slowest_mode.renew_damping(rows[~loading], [part[~loading] for part in boundary])
             rows, sums, solver = rows[~loading], sums.of(~loading), self.model.scene.solver
-            residual[~loading] = self.residual_of(rows, sums)
-            of_nodes = residual[~loading] / solver.residual_tolerance
+            found[~loading] = self.residual_of(rows, sums)
+            of_nodes = found[~loading] / solver.residual_tolerance
             if solver.multipliers:
                 of_nodes = np.maximum(of_nodes, self.multipliers.update(rows, sums, of_nodes < NEARLY_CONVERGED))
             ratio[~loading] = of_nodes
             ratio = np.maximum(ratio, missing)
-        return Check(residual, ratio)
+        return Check(found, ratio)
 
     def sums(self, rows: np.ndarray) -> Sums:
         """Sums of meshes, whose contact forces have been found."""
@@ -96,7 +96,7 @@ class PlanarWorlds(Worlds):
 
     def residual_of(self, rows: np.ndarray, sums: Sums) -> np.ndarray:
         """[row] out-of-balance force and motion, for solver.residual_tolerance."""
-        return self.residual.measure(Steering(self.steering.values[rows]), sums, fetch(self.state.wire_axial)[rows])
+        return residual(self.model, Steering(self.steering.values[rows]), sums, fetch(self.state.wire_axial)[rows])
 
     def stress(self, rows: np.ndarray) -> np.ndarray:
         return self.sums(rows).stress
@@ -221,7 +221,7 @@ class PlanarMechanics(Mechanics):
     def causes(self) -> str:
         strength, stress = self.model.scene.wire.tensile_strength, measure.largest_stress(self.observe())
         causes = strength_exceeded(stress, strength)
-        if self.group.residual.is_lost_in_round_off(self._sums, fetch(self.group.state.wire_axial)[self.rows])[0]:
+        if is_lost_in_round_off(self.group.model, self._sums, fetch(self.group.state.wire_axial)[self.rows])[0]:
             name = self.model.precision.name
             causes += f", round-off in {name} precision exceeds the forces: set solver.precision = 'double'"
         if self._active_as_knitted:

@@ -106,7 +106,7 @@ class Multipliers:
 
     def _move(self, stepper: Stepper, part: int) -> list[Launch]:
         """Stage of work: the update of the multipliers."""
-        model, state, found = self.model, stepper.state, self.diagnostics.of_nodes(stepper.world)
+        model, state, found = self.model, stepper.state, self.diagnostics.of_nodes[stepper.world]
         block, blocks = stepper.blocks_of(part)
         pair, pairs = stepper.team.share(model.pair_count, part)
         return [

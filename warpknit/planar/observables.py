@@ -68,12 +68,7 @@ class PlanarObservables(HostState):
 
     @cached_property
     def nominal_stress(self) -> np.ndarray:
-        """(2, 2) [N/m] work-conjugate of the deformation gradient: force per rest width.
-
-        P = (1/A0) [sum over segments n (x) E0 + sum over pairs and their four nodes f (x) (X_body - X_node)
-        + sum over held nodes f (x) (X - c)], f the forces on the nodes: the derivative of the energy by F, in which a clamp
-        moves with F c.
-        """
+        """(2, 2) [N/m] work-conjugate of the deformation gradient: force per rest width (docs/theory/membrane.md)."""
         table, panel = self.model.table, self.model.panel
         # behind the last node of an open wire there is no segment, and no force
         rest_edge = [rest[self.entry] for rest in (table.rest_x, table.rest_y)]
@@ -204,12 +199,10 @@ class PlanarObservables(HostState):
         # the first node is one spacing before the lower clamp
         local = panel.pair_seed - panel.wire_first[panel.pair_wire] + self.pair_slide - 1
         arc = (local + self.pair_u) * model.table.spacing[panel.pair_wire]
-        at_clamps = np.zeros((len(panel.clamp_position), 2))
-        np.add.at(at_clamps, panel.held_clamp, self.held_forces)
         on_wires = self.pair_nodal[self.pair_force > 0.0].sum(axis=(0, 1))
         return HookContact(
             displacement=float(self.gradient[0, 1]) * height,
-            drive_force=-float(at_clamps[RIGHT_TOP, 0]),
+            drive_force=float(self.edge_force[RIGHT_TOP, 0]),
             force_left=float(self.pair_force[LEFT]),
             force_right=float(self.pair_force[RIGHT]),
             arc_left=float(arc[LEFT]),

@@ -69,23 +69,14 @@ class Stepper:
         self._faster: Stepper = self
         self._sharing = StepSharing()
         self._graphs: dict[tuple[int, int], list[wp.Graph]] = {}
+        self._recorded: list[list[list[wp.Launch]]] = []
         self._runs: dict[tuple[Any, ...], list[Callable[[], None]]] = {}
-
-    @cached_property
-    def _launches(self) -> list[list[list[wp.Launch]]]:
-        """[part][parity] launches of a step."""
-        device = self.model.device
-        return [
-            [[launch.record(device) for launch in self.launches(parity, part) if launch.threads > 0] for parity in (0, 1)]
-            for part in range(self.threads)
-        ]
 
     def count_stress(self) -> None:
         """Let steps sum the nominal stress of the pairs; the wires have theirs."""
         if self.counts_stress:
             return
         self.counts_stress = True
-        self.__dict__.pop("_launches", None)
         self._graphs.clear()
         self._runs.clear()
         if self._alone is not None:
@@ -122,12 +113,15 @@ class Stepper:
         """A graph for each thread: `steps` steps from `parity`."""
         if (parity, steps) not in self._graphs:
             graphs: list[wp.Graph] = []
-            for launches in self._launches:
-                with wp.ScopedCapture(device=self.model.device) as capture:
+            device, both = self.model.device, (parity, 1 - parity)
+            for part in range(self.threads):
+                launches = [[one.record(device) for one in self.launches(now, part) if one.threads > 0] for now in both]
+                with wp.ScopedCapture(device=device) as capture:
                     for k in range(steps):
-                        for launch in launches[(parity + k) % 2]:
+                        for launch in launches[k % 2]:
                             launch.launch()
                 graphs.append(capture.graph)
+                self._recorded.append(launches)  # a graph does not keep arguments
             self._graphs[parity, steps] = graphs
         return self._graphs[parity, steps]
 

@@ -20,7 +20,6 @@ from ..kernels.border import collect_forces, distribute_forces
 from ..kernels.control import PARTIAL_COUNT, sum_partials, update_control
 from ..kernels.world_steps import step_worlds
 from ..mechanics.numerics import CORES, thread_count
-from ..mesh.strip import Strip
 from .model import Model, body_blocks, contact_batches
 from .state import State, initial_state, initial_worlds
 from .step import Stage, Stepper, body_launch, contact_stage
@@ -42,7 +41,19 @@ class StripStepper(Stepper):
         """how: see `Stepper`."""
         strip = model.strip
         assert strip is not None
-        self._make_border(model, strip)
+        # buffers for the shared pairs, neighbour after neighbour
+        counts = [VALUES_A_PAIR * len(n.own_pair) for n in strip.neighbours]
+        self._border = sum(counts) // VALUES_A_PAIR
+
+        def pairs(name: str) -> wp.array:
+            joined = np.concatenate([np.zeros(0, dtype=np.int32), *(getattr(n, name) for n in strip.neighbours)])
+            return wp.array(joined.astype(np.int32), dtype=wp.int32, device=model.device)
+
+        self._own_pair, self._foreign_pair = pairs("own_pair"), pairs("foreign_pair")
+        self._sent, self._received = (Mirror((sum(counts),), model.precision.real, model.device) for _ in range(2))
+        parts = [slice(end - count, end) for count, end in zip(counts, np.cumsum(counts).tolist(), strict=True)]
+        peers = [(n.rank, part, part) for n, part in zip(strip.neighbours, parts, strict=True)]
+        self._exchange_forces = model.ranks.channel(self._sent.host, self._received.host, peers)
         self._row = Mirror((1, PARTIAL_COUNT), wp.float64, model.device)
         self._rows = Mirror((model.ranks.count, PARTIAL_COUNT), wp.float64, model.device)
         self._collect_rows = model.ranks.table(self._row.host, self._rows.host)
@@ -51,24 +62,6 @@ class StripStepper(Stepper):
         self._shared_blocks = -(-shared // BODY_BLOCK)
         self._unused_rows = wp.zeros((max(1, self._shared_blocks), PARTIAL_COUNT), dtype=wp.float64, device=model.device)
         super().__init__(model, state, **how)
-
-    def _make_border(self, model: Model, strip: Strip) -> None:
-        """Buffers for the shared pairs, neighbour after neighbour."""
-        real, device = model.precision.real, model.device
-        self._border = sum(len(n.own_pair) for n in strip.neighbours)
-
-        def pairs(name: str) -> wp.array:
-            joined = np.concatenate([np.zeros(0, dtype=np.int32), *(getattr(n, name) for n in strip.neighbours)])
-            return wp.array(joined.astype(np.int32), dtype=wp.int32, device=device)
-
-        self._own_pair, self._foreign_pair = pairs("own_pair"), pairs("foreign_pair")
-        self._sent, self._received = (Mirror((VALUES_A_PAIR * self._border,), real, device) for _ in range(2))
-        peers, begin = [], 0
-        for neighbour in strip.neighbours:
-            end = begin + VALUES_A_PAIR * len(neighbour.own_pair)
-            peers.append((neighbour.rank, slice(begin, end), slice(begin, end)))
-            begin = end
-        self._exchange_forces = model.ranks.channel(self._sent.host, self._received.host, peers)
 
     @property
     def border_bytes(self) -> int:
@@ -184,15 +177,13 @@ class WorldStepper:
         self._parity = wp.zeros(count, dtype=wp.int32, device=model.device)
         self._last_step = wp.zeros(count, dtype=wp.float64, device=model.device)
         self._rows = [wp.zeros(count, dtype=wp.int32, device=model.device) for _ in range(self._team.threads)]
-        self._launches = [self._steps(rows) for rows in self._rows] if self.is_by_world else []
-
-    def _steps(self, rows: wp.array) -> wp.Launch:
-        """The launch that takes all steps of some worlds."""
-        model = self.model
-        return bind(
-            step_worlds, 1, model.rest, model.mesh, self.state, model.constants, worlds=rows, last_step=self._last_step,
-            batches=contact_batches(model), body_blocks=body_blocks(model), parity=self._parity,
-        ).record(model.device)  # fmt: skip
+        # the launches that take all steps of some worlds
+        self._launches = [
+            bind(
+                step_worlds, 1, model.rest, model.mesh, self.state, model.constants, worlds=rows, last_step=self._last_step,
+                batches=contact_batches(model), body_blocks=body_blocks(model), parity=self._parity,
+            ).record(model.device) for rows in self._rows if self.is_by_world
+        ]  # fmt: skip
 
     def step(self, rows: np.ndarray, last_step: np.ndarray) -> None:
         """Step worlds until each has taken `last_step` [row] steps, or is frozen."""
@@ -220,8 +211,7 @@ class WorldStepper:
                 self.steppers[row].run(*stages, contact=contact)
         elif len(rows):
             stages = (contact_stage, *stages) if contact else stages
-            work = {row: self.steppers[row].work(stages)[0] for row in rows.tolist()}
-            self._team.each([work[row] for row in rows.tolist()])
+            self._team.each([self.steppers[row].work(stages)[0] for row in rows.tolist()])
 
     def probe(self, rows: np.ndarray, *stages: Stage) -> None:
         """Find the accelerations f/m of worlds by a step that moves nothing; continue with other stages."""

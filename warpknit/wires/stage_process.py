@@ -43,7 +43,8 @@ def stage_arrays(stage: Usd.Stage, time: float | None) -> dict[str, np.ndarray]:
             continue
         if UsdGeom.Imageable(prim).ComputePurpose() in (UsdGeom.Tokens.proxy, UsdGeom.Tokens.guide):
             continue
-        code = _time_code(UsdGeom.PointBased(prim), time)
+        times = UsdGeom.PointBased(prim).GetPointsAttr().GetTimeSamples() if time is None else [time]
+        code = Usd.TimeCode(times[0]) if times else Usd.TimeCode.Default()
         if UsdGeom.Imageable(prim).ComputeVisibility(code) == UsdGeom.Tokens.invisible:
             continue
         if not curves:
@@ -93,13 +94,6 @@ def stage_arrays(stage: Usd.Stage, time: float | None) -> dict[str, np.ndarray]:
         "notes": np.array(notes, dtype=str),
         "faults": np.array(faults, dtype=str),
     }
-
-
-def _time_code(curves: UsdGeom.PointBased, time: float | None) -> Usd.TimeCode:
-    if time is not None:
-        return Usd.TimeCode(time)
-    samples = curves.GetPointsAttr().GetTimeSamples()
-    return Usd.TimeCode(samples[0]) if samples else Usd.TimeCode.Default()
 
 
 def _numbers(attribute: Usd.Attribute, code: Usd.TimeCode, kind: type) -> np.ndarray:
