@@ -100,9 +100,8 @@ def _with_close_places(wires: Wires, placed: SpatialWires, rods: Rods, slack: fl
     near = close_places(wires, 2.0 * rods.wire_radius)
     if near is None or not len(near.wire):
         return placed
-    nodes, shift = rods.wire_first[near.wire] + near.segment, np.zeros((len(near.wire), 3))
-    shift[:, :2] = 0.0 if wires.period is None else near.repeat * wires.period
-    site, _sign = Sites(placed, rods).of(nodes[:, 0], nodes[:, 1], shift, near.on)
+    nodes = rods.wire_first[near.wire] + near.segment
+    site, _sign = Sites(placed, rods).of(nodes[:, 0], nodes[:, 1], wires.shift(near.repeat), near.on)
     new = site == NOWHERE
     wire, reach = near.wire[new], near.segments[new] + _segments_in(wires, near.wire[new], slack)
     return replace(

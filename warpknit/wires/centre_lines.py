@@ -43,12 +43,16 @@ class Wires:
         """(wire,) an open wire has one segment fewer than nodes."""
         return np.array([len(points) - (kind == "open") for points, kind in zip(self.points, self.kinds, strict=True)], dtype=int)
 
+    def shift(self, repeats: np.ndarray) -> np.ndarray:
+        """Vectors (..., 3) [m] by repeats (..., 2) along x and y; 0 where wires do not repeat."""
+        vectors = np.zeros((*repeats.shape[:-1], 3))
+        if self.period is not None:
+            vectors[..., :2] = repeats * self.period
+        return vectors
+
     def closing(self, wire: int) -> np.ndarray:
         """Vector (3,) [m] from the first node of a wire to its continuation; 0 for a closed wire."""
-        shift = np.zeros(3)
-        if self.period is not None:
-            shift[:2] = self.shifts[wire] * self.period
-        return shift
+        return self.shift(self.shifts[wire])
 
     def ends(self, wire: int) -> tuple[np.ndarray, np.ndarray]:
         """First and last points (segment, 3) [m] of the segments of a wire."""
@@ -82,8 +86,7 @@ def repeated(wires: Wires, repeats: tuple[int, int]) -> Wires:
                 continue
             cells = np.array(start) + np.arange(count)[:, None] * shift
             taken[tuple((cells % repeats).T)] = True
-            places = np.column_stack([cells * wires.period, np.zeros(count)])
-            points.append((piece + places[:, None]).reshape(-1, 3))
+            points.append((piece + wires.shift(cells)[:, None]).reshape(-1, 3))
             kinds.append(kind)
             shifts.append(count * shift // repeats)
             origin.append(number)

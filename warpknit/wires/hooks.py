@@ -97,7 +97,7 @@ def find_places(wires: Wires, loop_length: float) -> Places:
     for w in np.unique(wire).tolist():
         middle[wire == w] = _places(wires, w, 0.5 * (low + high)[wire == w])
     repeat = np.array([lens.repeat for lens in lenses]).reshape(-1, 2)
-    position = 0.5 * (middle.sum(axis=1) + (0.0 if wires.period is None else repeat * wires.period))
+    position = 0.5 * (middle.sum(axis=1) + wires.shift(repeat)[:, :2])
     return Places(
         np.concatenate([wire, crossings.wire[other]]),
         np.concatenate([low, crossings.arc[other]]),
@@ -127,11 +127,8 @@ def find_crossings(wires: Wires) -> PlanCrossings | None:
     a, b, offset = near
     apart = (segments.wire[a] != segments.wire[b]) | (np.abs(a - b) > 1) | offset.any(axis=1)
     a, b, offset = a[apart], b[apart], offset[apart]
-    shift = np.zeros((len(a), 3))
-    if wires.period is not None:
-        shift[:, :2] = offset * wires.period
     u, v = segments.end[a] - segments.begin[a], segments.end[b] - segments.begin[b]
-    between = segments.begin[b] + shift - segments.begin[a]
+    between = segments.begin[b] + wires.shift(offset) - segments.begin[a]
     across = plan_cross(u, v)
     with np.errstate(divide="ignore", invalid="ignore"):
         t, s = plan_cross(between, v) / across, plan_cross(between, u) / across
@@ -144,14 +141,11 @@ def find_crossings(wires: Wires) -> PlanCrossings | None:
     height = t * u[:, 2] - between[:, 2] - s * v[:, 2]  # of the first above the second
     over = np.where(height >= 0.0, 1, -1)
     turn = np.sign(across).astype(int)
-    position = (segments.begin[a] + t[:, None] * u)[:, :2]
-    if wires.period is not None:
-        position -= segments.moved[a] * wires.period
+    position = (segments.begin[a] + t[:, None] * u - wires.shift(segments.moved[a]))[:, :2]
     flip = np.concatenate([wire[:, 0] > wire[:, 1], np.ones(np.count_nonzero(wire[:, 0] == wire[:, 1]), dtype=bool)])
     again = np.concatenate([np.arange(len(wire)), np.flatnonzero(wire[:, 0] == wire[:, 1])])
     wire, arc, repeat, over, turn, position = (x[again] for x in (wire, arc, repeat, over, turn, position))
-    if wires.period is not None:
-        position[flip] -= repeat[flip] * wires.period
+    position[flip] -= wires.shift(repeat[flip])[:, :2]
     wire[flip], arc[flip] = wire[flip, ::-1], arc[flip, ::-1]
     repeat[flip], over[flip], turn[flip] = -repeat[flip], -over[flip], -turn[flip]
     return PlanCrossings(again, wire, arc, repeat, over, turn, np.abs(height)[again], position)

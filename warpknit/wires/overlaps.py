@@ -142,9 +142,6 @@ def close_places(wires: Wires, thickness: float | np.ndarray) -> ClosePlaces | N
 
 def joined(parts: list[NearPairs]) -> NearPairs:
     """Pairs of all parts."""
-    if not parts:
-        two, one = np.zeros((0, 2), dtype=np.int64), np.zeros(0)
-        return NearPairs(two, two, one, one, np.zeros((0, 2)), one)
     return NearPairs(*(np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(NearPairs)))
 
 
@@ -175,9 +172,7 @@ def near_pairs(
             yield None
             return
         a, b, repeat = candidates
-        shift = np.zeros((len(a), 3))
-        if wires.period is not None:
-            shift[:, :2] = repeat * wires.period
+        shift = wires.shift(repeat)
         distance, *place = segment_distances(
             segments.begin[a], segments.end[a], segments.begin[b] + shift, segments.end[b] + shift
         )
@@ -212,11 +207,8 @@ def segments_of(wires: Wires) -> Segments:
     arcs = [np.concatenate([[0.0], np.cumsum(np.linalg.norm(end - begin, axis=1))[:-1]]) for begin, end in ends]
     wire = np.repeat(np.arange(len(ends)), [len(arc) for arc in arcs])
     begin, end = (np.concatenate(part) for part in zip(*ends, strict=True))
-    moved = np.zeros((len(begin), 2))
-    if wires.period is not None:
-        moved = -np.floor(0.5 * (begin + end)[:, :2] / wires.period)
-        shift = np.concatenate([moved * wires.period, np.zeros((len(begin), 1))], axis=1)
-        begin, end = begin + shift, end + shift
+    moved = np.zeros((len(begin), 2)) if wires.period is None else -np.floor(0.5 * (begin + end)[:, :2] / wires.period)
+    begin, end = begin + wires.shift(moved), end + wires.shift(moved)
     length = np.linalg.norm(end - begin, axis=1)
     return Segments(begin, end, wire, np.concatenate(arcs), length, moved.astype(np.int64))
 

@@ -178,9 +178,7 @@ def _listed(wires: Wires, nodes: _Nodes, thickness: np.ndarray) -> _Pairs | None
     if pairs is None:
         return None
     first, second = pairs.segment.T
-    repeat, shift = pairs.repeat + segments.moved[second] - segments.moved[first], np.zeros((len(first), 3))
-    if wires.period is not None:
-        shift[:, :2] = repeat * wires.period
+    shift = wires.shift(pairs.repeat + segments.moved[second] - segments.moved[first])
     found = _Pairs(**vars(pairs), shift=shift, length=segments.length[pairs.segment], is_ahead=first < 0)
     points, samples = np.concatenate(wires.points), np.linspace(0.0, 1.0, SAMPLES + 1)
     every = np.arange(len(nodes.number))
