@@ -87,7 +87,7 @@ def test_the_planar_curve_is_the_one_that_bodies_touch(planar):
     apart = (frame.body_position[pressed // 2] - point)[:, :2]
     periods = reading.gradient @ np.diag(model.layout().period)
     apart = apart - np.rint(apart @ np.linalg.inv(periods).T) @ periods.T
-    wanted = model.contact_reach + reading.pair_gap[pressed]
+    wanted = model.treatment.reach + reading.pair_gap[pressed]
     assert np.linalg.norm(apart, axis=1) == pytest.approx(wanted, rel=1e-6)
 
 

@@ -17,7 +17,7 @@ SPEED = 0.2  # [m/s] of nodes and bodies in flight
 
 def contact_error(rig: Rig) -> float:
     """[N] what the tolerance of the contact point does to the force of a body."""
-    return float(rig.state.pair_force.numpy().max()) * CLOSEST_POINT_TOLERANCE * SPACING / rig.model.contact_reach
+    return float(rig.state.pair_force.numpy().max()) * CLOSEST_POINT_TOLERANCE * SPACING / rig.model.treatment.reach
 
 
 def scale(force: np.ndarray) -> float:
@@ -54,8 +54,8 @@ def test_stiffness_is_symmetric(bodies: int) -> None:
     tolerance = axial * ((s / SPACING) ** 2 + 100 * EPSILON * SPACING / s)
     if bodies:
         rig.forces(x)
-        geometric = float(rig.state.pair_force.numpy().max()) / rig.model.contact_reach
-        tolerance += PENALTY * (s / rig.model.contact_reach) ** 2 + contact_error(rig) / s
+        geometric = float(rig.state.pair_force.numpy().max()) / rig.model.treatment.reach
+        tolerance += PENALTY * (s / rig.model.treatment.reach) ** 2 + contact_error(rig) / s
         assert tolerance < 0.1 * geometric
     assert scale(hessian - hessian.T) < tolerance
 
@@ -70,7 +70,7 @@ def test_forces_sum_to_nothing(bodies: int, device: str) -> None:
     noise = EPSILON * np.abs(force).sum() + EPSILON * rig.model.axial_stiffness * 2 * NODES
     assert scale(force) > 0.01
     assert scale(force.sum(axis=0)) < noise
-    turned = 2 * bodies * contact_error(rig) * rig.model.contact_reach if bodies else 0.0
+    turned = 2 * bodies * contact_error(rig) * rig.model.treatment.reach if bodies else 0.0
     assert abs(moment.sum()) < noise * RADIUS + turned
 
 
@@ -163,7 +163,7 @@ def test_contacts_keep_the_energy() -> None:
     steps = 10_000
     kept = free_flight(rig, steps, 100)["kept"]
     stored = 14 * 0.5 * 1e4 * DEPTH**2
-    off_line = turned_by_contacts(rig, 7, steps) / rig.model.contact_reach * SPEED
+    off_line = turned_by_contacts(rig, 7, steps) / rig.model.treatment.reach * SPEED
     assert np.ptp(kept) < 0.2**2 / 4 * stored + off_line < 0.02 * stored
 
 
@@ -181,7 +181,7 @@ def test_force_on_a_body_is_continuous_where_it_passes_a_node() -> None:
         forces = []
         for share in (-100, -50, -3, -1, 1, 3):  # the first ones lead the contact point there
             y = x.copy()
-            y[-1] = here + inward * (rig.model.contact_reach - DEPTH) + share * apart * along
+            y[-1] = here + inward * (rig.model.treatment.reach - DEPTH) + share * apart * along
             forces.append(rig.forces(y)[-1])
         before, across, behind = np.diff(forces[2:], axis=0)
         kink = np.hypot(*(across - 0.5 * (before + behind)))

@@ -47,7 +47,7 @@ def pressed(friction: float, by_pair: bool, repeats: list[int] | None = None, th
     normal = panel.pair_side[pair, None] * np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
     place = panel.body_rest - panel.pair_shift[pair]
     gap = np.sum((place - np.stack([table.x[entry], table.y[entry]], axis=1)) * normal, axis=1)
-    moved = -(gap - 0.9 * model.contact_reach)[:, None] * normal
+    moved = -(gap - 0.9 * model.treatment.reach)[:, None] * normal
     state.body_ux.assign(moved[:, 0])
     state.body_uy.assign(moved[:, 1])
     stepper = Stepper(model, state, by_pair=by_pair, threads=threads)

@@ -35,7 +35,7 @@ def test_bound_is_just_above_the_largest_eigenvalue(bodies: int, softening: floa
     largest = np.max(np.linalg.eigvals(stiffness / mass[:, None]).real)
     reading = rig.observables(x)
     assert bodies == 0 or np.count_nonzero(reading.pair_force) > bodies
-    allowed = DEPTH / rig.model.contact_reach if bodies else 1e-6
+    allowed = DEPTH / rig.model.treatment.reach if bodies else 1e-6
     bound = frequency_square(reading)
     assert largest < bound * (1 + allowed)
     assert bound < 1.25 * largest  # the slope of the moment counts for a mode that alternates, which contacts are not alone in

@@ -91,6 +91,6 @@ def test_heat_works_against_stretch_bending_and_contact() -> None:
         rig.control(length_factor=1.0 + sign * by)
         energies.append(rig.stored_energy(x))
     slope = (energies[0] - energies[1]) / (2.0 * by)
-    widened = float(np.sum(rig.observables(x).pair_force)) * rig.model.contact_reach
+    widened = float(np.sum(rig.observables(x).pair_force)) * rig.model.treatment.reach
     assert slope == pytest.approx(found, abs=1e-4 * abs(widened))
     assert abs(found) > 0.0 and widened > 0.0

@@ -67,7 +67,10 @@ class Diagnostics:
         arrays = {name: wp.zeros((worlds, panel.node_count), dtype=real, device=device) for name in names}
         # of each world, arrays [node] as last evaluated: force_x, force_y [N], strain, tension [N], turning [rad]
         self.of_nodes = [{name: array[world] for name, array in arrays.items()} for world in range(worlds)]
-        pair, held = _pairs_at_clamps(model), panel.held_node
+        # pairs whose contact may reach over a held node
+        first, count, held = panel.wire_first[panel.pair_wire], panel.wire_count[panel.pair_wire], panel.held_node
+        low, high = panel.pair_seed + panel.pair_low - 1 - first, panel.pair_seed + panel.pair_high + 2 - first
+        pair = np.flatnonzero(((low <= 1) | (high >= count - 2)) & (panel.pair_wire >= 0) & (len(held) > 0))
         self._held_entries = Entries(np.concatenate([held, np.maximum(held - 1, 0)]), device)
         self._clamp_pairs = Entries(pair, device) if len(pair) else None
         self._clamp_nodal = Entries((4 * pair[:, None] + np.arange(4)).ravel(), device) if len(pair) else None
@@ -276,13 +279,3 @@ def is_lost_in_round_off(model: Model, sums: Sums, axial: np.ndarray) -> np.ndar
     """[row] whether round-off exceeds the allowed out-of-balance forces; `axial` as in `residual`."""
     scale = np.maximum(sums.force_mean, FORCE_FLOOR * measure.force_scale(model))
     return np.asarray(round_off(model, axial)[0] > ROUND_OFF_SHARE * scale)
-
-
-def _pairs_at_clamps(model: Model) -> np.ndarray:
-    """Pairs whose contact may reach over a held node."""
-    panel = model.panel
-    if not len(panel.held_node):
-        return np.zeros(0, dtype=np.int64)
-    first, count = panel.wire_first[panel.pair_wire], panel.wire_count[panel.pair_wire]
-    low, high = panel.pair_seed + panel.pair_low - 1 - first, panel.pair_seed + panel.pair_high + 2 - first
-    return np.nonzero(((low <= 1) | (high >= count - 2)) & (panel.pair_wire >= 0))[0]

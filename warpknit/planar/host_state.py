@@ -251,7 +251,7 @@ def bending_moments(r: HostState) -> tuple[np.ndarray, np.ndarray]:
     # vectors from the contact point: p = c - n (gap + reach), n from the wire to the body
     normal = -force.sum(axis=1)
     normal /= np.hypot(normal[:, 0], normal[:, 1])[:, None]
-    body = normal * (r.pair_gap[pair] + model.contact_reach * r.length_factor)[:, None]
+    body = normal * (r.pair_gap[pair] + model.treatment.reach * r.length_factor)[:, None]
     from_nodes = pair_levers(r, pair) @ r.gradient.T + r.body_u[pair // 2][:, None, :] - r.u[nodes]
     place = body[:, None, :] - from_nodes
     begin, end = place[:, 1], place[:, 2]

@@ -104,18 +104,13 @@ class Model(Numerics):
             unit=real(self.precision.unit),  # [m] of one count of a coordinate
             gripped=int(self.is_gripped),
             slow_when_free=int(self.scene.solver.drive == "relax"),  # whether masses are fictitious (kernels/bodies.py)
-            reach_at_rest=real(self.contact_reach),  # [m]
+            reach_at_rest=real(self.treatment.reach),  # [m]
             yield_moment=real(self.yield_moment),  # [N m]
             kept_stiffness=real(wire.hardening),  # [-] share that is left of the bending stiffness where a wire yields
             true_stiffness=wp.float64(self.axial_stiffness),  # [N]
             friction=wp.float64(self.scene.contact.friction),  # [-] coefficient
             block_size=BLOCK_SIZE,
         )
-
-    @property
-    def contact_reach(self) -> float:
-        """[m] contact distance of body centre and wire centre line."""
-        return self.treatment.reach
 
     @property
     def curve_error(self) -> float:

@@ -114,7 +114,7 @@ class PlanarObservables(HostState):
         stored = 0.5 * self.natural_length * self.tension**2 / self._stretch_stiffness
         stretch = np.sum(stored - self.tension * self._chord / self.length_factor)
         bend = -0.5 * np.sum(self.moment * self.elastic_turning) / self.length_factor
-        return float(stretch + bend + np.sum(self.pair_force) * self.model.contact_reach)
+        return float(stretch + bend + np.sum(self.pair_force) * self.model.treatment.reach)
 
     @property
     def thermal_strain_force(self) -> np.ndarray:

@@ -257,7 +257,7 @@ class NeighbourSearch:
         self.state = state
         self.margin = MARGIN * model.scene.knit.course_spacing
         # the nearer node of a touched segment is within half a (stretched) spacing along the wire
-        self.radius = model.contact_reach + self.margin + 0.75 * float(model.table.spacing.max())
+        self.radius = model.treatment.reach + self.margin + 0.75 * float(model.table.spacing.max())
         self.searches = 0
         # half of the relative motion of a body and a wire by a unit strain of the load, at rest within twice the radius
         state.steering.set(pair_reach=self.radius)
@@ -282,7 +282,7 @@ class NeighbourSearch:
             bind(
                 find_nearest_segments, model.pair_count, model.rest, model.mesh, state, model.constants,
                 radius=real(self.radius), half_chord=real(0.6 * spacing), sag=real(SAG * spacing),
-                reach=real(model.contact_reach), ux=state.node_ux[parity], uy=state.node_uy[parity],
+                reach=real(model.treatment.reach), ux=state.node_ux[parity], uy=state.node_uy[parity],
             ).record(model.device)
             for parity in (0, 1)
         ]  # fmt: skip
