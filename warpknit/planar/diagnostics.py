@@ -84,26 +84,6 @@ class Diagnostics:
     def sums(self, rows: np.ndarray) -> Sums:
         """Sums of the current states: wire rows of this rank's strip, all others of the global mesh."""
         self.stepper.run(rows, self._evaluate, self._sum)
-        return self._sum_up(rows)
-
-    def _evaluate(self, stepper: Stepper, part: int) -> list[Launch]:
-        """Stage of work: forces, strains, tensions and turnings of the nodes."""
-        state = stepper.state
-        return [evaluation(self.model, state, self.of_nodes[stepper.world], stepper.blocks_of(part))]
-
-    def _sum(self, stepper: Stepper, part: int) -> list[Launch]:
-        """Launches of the sums of wires and pairs."""
-        sources, world = (self.model.rest, self.model.mesh, stepper.state, self.model.constants), stepper.world
-        block, blocks = stepper.blocks_of(part)
-        pair, pairs = stepper.team.share(self._pairs.shape[1], part)
-        rows = {"pair_block": k.PAIR_BLOCK, "partial": self._pairs[world]}
-        return [
-            bind(k.sum_wires, blocks, *sources, first_block=block, partial=self._wires[world], **self.of_nodes[world]),
-            bind(k.sum_pairs, pairs, *sources, first_block=pair, **rows),
-        ]
-
-    def _sum_up(self, rows: np.ndarray) -> Sums:
-        """The sums of the partial sums on the device."""
         panel, ranks = self.model.panel, self.model.ranks
         wires, pairs = fetch(self._wires)[rows], fetch(self._pairs)[rows]
         largest = np.maximum.reduceat(wires, self._first_block, axis=1)
@@ -138,6 +118,22 @@ class Diagnostics:
             gap_square=gap_square,
             stress=np.stack(stresses, axis=-1).reshape(-1, 2, 2) * unit / panel.area,
         )
+
+    def _evaluate(self, stepper: Stepper, part: int) -> list[Launch]:
+        """Stage of work: forces, strains, tensions and turnings of the nodes."""
+        state = stepper.state
+        return [evaluation(self.model, state, self.of_nodes[stepper.world], stepper.blocks_of(part))]
+
+    def _sum(self, stepper: Stepper, part: int) -> list[Launch]:
+        """Launches of the sums of wires and pairs."""
+        sources, world = (self.model.rest, self.model.mesh, stepper.state, self.model.constants), stepper.world
+        block, blocks = stepper.blocks_of(part)
+        pair, pairs = stepper.team.share(self._pairs.shape[1], part)
+        rows = {"pair_block": k.PAIR_BLOCK, "partial": self._pairs[world]}
+        return [
+            bind(k.sum_wires, blocks, *sources, first_block=block, partial=self._wires[world], **self.of_nodes[world]),
+            bind(k.sum_pairs, pairs, *sources, first_block=pair, **rows),
+        ]
 
     def clamp_forces(self, world: int) -> np.ndarray:
         """(clamp, 2) [N] forces of the wires on their clamps, at the last check."""

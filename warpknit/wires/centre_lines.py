@@ -61,11 +61,15 @@ class Wires:
             points = np.concatenate([points, points[:1] + self.closing(wire)])
         return points[:-1], points[1:]
 
+    def segment_lengths(self, wire: int) -> np.ndarray:
+        """(segment,) [m] of a wire."""
+        first, last = self.ends(wire)
+        return np.linalg.norm(last - first, axis=1)
+
     @cached_property
     def lengths(self) -> np.ndarray:
         """(wire,) [m] sums of the segments."""
-        ends = (self.ends(wire) for wire in range(len(self.points)))
-        return np.array([np.linalg.norm(last - first, axis=1).sum() for first, last in ends])
+        return np.array([self.segment_lengths(wire).sum() for wire in range(len(self.points))])
 
 
 def repeated(wires: Wires, repeats: tuple[int, int]) -> Wires:

@@ -157,12 +157,7 @@ def _at(wires: Wires, nodes: _Nodes, points: np.ndarray) -> Wires:
     there = replace(wires, points=tuple(np.split(points, nodes.first[1:])))
     if wires.rest_lengths is None:
         return there
-
-    def lengths(of: Wires, wire: int) -> np.ndarray:
-        begin, end = of.ends(wire)
-        return np.linalg.norm(end - begin, axis=1)
-
-    kept = (rest * lengths(there, wire) / lengths(wires, wire) for wire, rest in enumerate(wires.rest_lengths))
+    kept = (rest * there.segment_lengths(wire) / wires.segment_lengths(wire) for wire, rest in enumerate(wires.rest_lengths))
     return replace(there, rest_lengths=tuple(kept))
 
 
