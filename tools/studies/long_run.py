@@ -29,12 +29,11 @@ from stepping import advance, as_ramp
 from study import add_directory, new_parser, read_rows, scene_of, table_path, write_rows
 
 from warpknit import measure
-from warpknit.mechanics.numerics import STEP_MARGIN
 from warpknit.planar.model import Model
 from warpknit.planar.observables import PlanarObservables, read
 from warpknit.planar.state import State, initial_state
 from warpknit.planar.step import NeighbourSearch, Stepper
-from warpknit.planar.time_step import largest_step
+from warpknit.planar.time_step import stable_step
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 
@@ -124,7 +123,7 @@ def measured(drive: str, precision: str, strain: float, steps: int) -> tuple[Row
     at_rest = stored(read(model, state))
     scale = measure.energy_scale(model)
     if drive != "relax":
-        step = STEP_MARGIN * largest_step(read(model, state), 0)
+        step = stable_step(model, state, 0)
         shake(model, state, step)
         damping = 0.0 if drive == "shaken" else model.damping
         state.steering.set(time_step=step, damping=damping, velocity_factor=1.0, force_factor=step)

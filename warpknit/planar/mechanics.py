@@ -16,7 +16,7 @@ from ..kernels.anchored_bodies import draw_anchors
 from ..kernels.contact_friction import stick_contacts
 from ..kernels.multiplier_update import extrapolate, extrapolate_held_bodies
 from ..measure import force_scale
-from ..mechanics.numerics import CHECK_STEPS, STEP_MARGIN
+from ..mechanics.numerics import CHECK_STEPS
 from ..mechanics.protocols import Check, Drift, Mechanics, strength_exceeded
 from ..mechanics.worlds import Worlds
 from ..mesh.rim import LoadPoint
@@ -27,7 +27,7 @@ from .multipliers import Multipliers
 from .observables import PlanarObservables, read
 from .state import State
 from .step import NeighbourSearch, anchor_launch
-from .time_step import largest_step
+from .time_step import stable_step
 from .transfer import PlanarGrid, Prolongation, state_variables
 from .world_step import WorldStepper
 
@@ -243,8 +243,7 @@ class PlanarMechanics(Mechanics):
 
     def renew_time_step(self, steps: int) -> float:
         self.stepper.evaluate_contact()  # contact forces are not in a checkpoint
-        host = self.observe()
-        step = STEP_MARGIN * self.model.ranks.from_first(lambda: largest_step(host, steps))
+        step = stable_step(self.model, self.state, steps)
         self.state.steering.set(time_step=step)
         return step
 

@@ -22,7 +22,11 @@ import numpy as np
 
 from ..base.hermite import hermite
 from ..knit.crossings import plan_cross
+from ..mechanics.numerics import STEP_MARGIN
 from .host_state import HostState
+from .model import Model
+from .observables import PlanarObservables, read
+from .state import State
 
 PASSES = 2  # iterations of the bound, each with the row sums of the last one
 LEAST_WEIGHT = 1e-3  # smallest weight over the largest
@@ -193,7 +197,7 @@ def _sharing(place: np.ndarray, contact: np.ndarray, push: np.ndarray, mass: np.
     return first, second, value
 
 
-def largest_step(host: HostState, steps: int) -> float:
+def largest_step(host: PlanarObservables, steps: int) -> float:
     """Largest stable step [s] of the next `steps` steps."""
     model, control = host.model, host.control
     move = FASTER * control.speed_max * control.time_step
@@ -201,3 +205,9 @@ def largest_step(host: HostState, steps: int) -> float:
     body = 2.0 * control.contact_stiffness * control.body_inverse_mass
     square = max(frequency_square(host, approach), BOUNCING * body * (model.pair_count > 0))
     return 2.0 / math.sqrt(square)
+
+
+def stable_step(model: Model, state: State, steps: int) -> float:
+    """Time step [s] of a ramp for the next `steps` steps."""
+    host = read(model, state)
+    return STEP_MARGIN * model.ranks.from_first(lambda: largest_step(host, steps))
