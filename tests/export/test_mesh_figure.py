@@ -103,7 +103,7 @@ def test_the_largest_stress_is_marked_at_its_place_from_the_corner(
     x, y = np.asarray(frame.node_position)[7, :2]
     for drawn in (10**9, 1):
         monkeypatch.setattr(mesh_figure, "SEGMENTS_DRAWN", drawn)
-        mesh_figure.mesh_figure(layout, frame, tmp_path / "mesh.png", "", peak=mesh_figure.Peak(2.64e8, x, y))
+        mesh_figure.mesh_figure(layout, frame, tmp_path / "mesh.png", "", peak=(2.64e8, x, y))
         (star,) = [line for line in kept[-1].axes[0].lines if line.get_marker() == "*"]
         assert np.ravel(star.get_data()) == pytest.approx([1e3 * x, 1e3 * y])
         assert ["264 MPa"] in [quantities(text.get_text()) for text in kept[-1].legends[0].get_texts()]
@@ -132,7 +132,7 @@ def test_a_contact_under_the_largest_stress_shows(
     save = mesh_figure.save_figure
     monkeypatch.setattr(mesh_figure, "save_figure", lambda figure, path: kept.append(figure) or save(figure, path))
     blue = []
-    for name, peak in (("bare", None), ("star", mesh_figure.Peak(1e8, *(1e-3 * there)))):
+    for name, peak in (("bare", None), ("star", (1e8, *(1e-3 * there)))):
         image = matplotlib.image.imread(mesh_figure.mesh_figure(layout, one, tmp_path / f"{name}.png", "", peak=peak))
         across, up = kept[-1].axes[0].transData.transform(there).astype(int)
         near = image[::-1][up - 9 : up + 10, across - 9 : across + 10, :3]

@@ -5,7 +5,6 @@ paths. Formats know layouts and frames only, and are imported when they are aske
 libraries.
 """
 
-import os
 from importlib import import_module
 from pathlib import Path
 
@@ -23,11 +22,11 @@ FORMATS = {  # what `--to` takes: the module here, and its function
 }
 
 
-def export_run(run_dir: str | os.PathLike[str], to: str) -> list[Path]:
+def export_run(run_dir: Path, to: str) -> list[Path]:
     """Export a finished or interrupted run into its directory; the paths."""
     if to not in FORMATS:
         raise ExportError(f"--to: {to!r} is unknown; give {either(list(FORMATS))}")
-    return export_record(read_run(Path(run_dir)), to)
+    return export_record(read_run(run_dir), to)
 
 
 def export_record(record: RunRecord, to: str) -> list[Path]:

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
-from numpy.typing import NDArray
 
 from warpknit.base.text import is_at_grips
 from warpknit.export.plots import BLUE, GREY, ORANGE, PURPLE, WIDTHS, LineLook, plain
@@ -35,10 +34,10 @@ STAGE_STYLES: tuple[tuple[str | tuple[int, tuple[float, ...]], str], ...] = (
     ((0, (8, 3)), "v"),
     ((0, (3, 1, 1, 1, 1, 1)), "P"),
 )
-Curve: TypeAlias = tuple[str, str, NDArray[Any]]  # label, colour, values
+Curve: TypeAlias = tuple[str, str, np.ndarray]  # label, colour, values
 
 
-def is_behind_jump(columns: Columns) -> NDArray[np.bool_]:
+def is_behind_jump(columns: Columns) -> np.ndarray:
     """(row,) whether the mesh has jumped to another equilibrium since the row before: the column `jump`, where there is one."""
     return np.asarray(columns.get("jump", np.zeros(len(columns["stage"]))) > 0.0)
 
@@ -60,10 +59,10 @@ def stress_columns(columns: Columns) -> list[tuple[str, str, str]]:
 
 def draw_curves(
     axes: Axes,
-    abscissa: NDArray[Any],
+    abscissa: np.ndarray,
     stages: Sequence[tuple[str, slice]],
     curves: Sequence[Curve],
-    jumped: NDArray[np.bool_],
+    jumped: np.ndarray,
     *,
     least: float | None = None,
     nothing: str = "not recorded",
@@ -112,7 +111,7 @@ def stage_look(number: int, colour: str, size: float) -> LineLook:
     return {"color": colour, "linestyle": style, "marker": marker, "markersize": size, "markerfacecolor": face}
 
 
-def draw_line(axes: Axes, abscissa: NDArray[Any], values: NDArray[Any], jumped: NDArray[np.bool_], **look: Any) -> None:
+def draw_line(axes: Axes, abscissa: np.ndarray, values: np.ndarray, jumped: np.ndarray, **look: Any) -> None:
     """Draw a line through points, dotted to each row in `jumped`."""
     jumps = np.flatnonzero(jumped[1:]) + 1
     for part in np.split(np.arange(len(values)), jumps):
@@ -122,7 +121,7 @@ def draw_line(axes: Axes, abscissa: NDArray[Any], values: NDArray[Any], jumped: 
 
 
 def draw_range(
-    axes: Axes, abscissa: NDArray[Any], columns: Columns, name: str, colour: str, factor: float, rows: Any = slice(None)
+    axes: Axes, abscissa: np.ndarray, columns: Columns, name: str, colour: str, factor: float, rows: Any = slice(None)
 ) -> None:
     """Draw the range of eight in ten meshes of a column, times a factor; nothing without such a range."""
     if f"p10_{name}" in columns:
@@ -130,7 +129,7 @@ def draw_range(
         axes.fill_between(abscissa, low, high, color=colour, alpha=BAND, linewidth=0.0, gid=MESHES)
 
 
-def shade_compression(axes: Axes, tensions: Sequence[NDArray[Any]]) -> bool:
+def shade_compression(axes: Axes, tensions: Sequence[np.ndarray]) -> bool:
     """Shade negative tension, where a real mesh wrinkles; false where tensions are only about zero."""
     values = np.concatenate(tensions)
     values = values[np.isfinite(values)]

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from warpknit.base.text import ZERO_CELSIUS, engineering
 from warpknit.export import curve_axes
@@ -28,7 +25,7 @@ HELD_STRAIN = 2e-3  # a frame expands by less over 200 K
 IMPOSED_STRAIN, IMPOSED_TENSION = 1e-6, 0.02  # of its range in a stage: departure from a straight line over the load factor
 
 
-def curves_figure(columns: Columns, path: str | os.PathLike[str], *, yield_stress: float | None = None, title: str = "") -> Path:
+def curves_figure(columns: Columns, path: Path, *, yield_stress: float | None = None, title: str = "") -> Path:
     """Draw contacts, tension, stress, energies and residual against the load.
 
     Under given tensions these are the abscissa, and strains are drawn in their place. Stages that change the temperature alone
@@ -37,7 +34,7 @@ def curves_figure(columns: Columns, path: str | os.PathLike[str], *, yield_stres
     """
     count = len(columns["stage"])
 
-    def column(name: str) -> NDArray[Any]:
+    def column(name: str) -> np.ndarray:
         return columns.get(name, np.full(count, np.nan))
 
     every = curve_axes.stage_slices(columns["stage"].tolist())
@@ -102,7 +99,7 @@ def curves_figure(columns: Columns, path: str | os.PathLike[str], *, yield_stres
 
 
 def _draw_count(
-    axes: Axes, abscissa: NDArray[Any], stages: Sequence[tuple[str, slice]], count: NDArray[Any], jumped: NDArray[np.bool_]
+    axes: Axes, abscissa: np.ndarray, stages: Sequence[tuple[str, slice]], count: np.ndarray, jumped: np.ndarray
 ) -> None:
     """Draw the number of active contacts between stitches; its axis is at the right."""
     right = axes.twinx()
@@ -137,7 +134,7 @@ def _heats_alone(columns: Columns, rows: slice) -> bool:
     )
 
 
-def _abscissa(columns: Columns, stages: Sequence[tuple[str, slice]], count: int) -> tuple[NDArray[Any], str]:
+def _abscissa(columns: Columns, stages: Sequence[tuple[str, slice]], count: int) -> tuple[np.ndarray, str]:
     """Abscissa of a run and its label: the tension where it is given, a strain if it varies in each stage, else the progress
     along the stages.
 
@@ -182,7 +179,7 @@ def _is_by_tension(columns: Columns, stages: Sequence[tuple[str, slice]]) -> boo
         return False
     strain, tension = (np.array([columns[name] for name in two]) for two in (names[:2], names[2:]))
 
-    def imposed(values: NDArray[Any], share: float) -> bool:
+    def imposed(values: np.ndarray, share: float) -> bool:
         """Whether each side changes and follows the load factor in each load step."""
         for _, rows in stages:
             load, part = columns["load_factor"][rows].copy(), values[:, rows]
@@ -196,7 +193,7 @@ def _is_by_tension(columns: Columns, stages: Sequence[tuple[str, slice]]) -> boo
     return imposed(tension, IMPOSED_TENSION) and not any(imposed(one[None], IMPOSED_STRAIN) for one in strain)
 
 
-def _folds(values: NDArray[Any]) -> bool:
+def _folds(values: np.ndarray) -> bool:
     """Whether values go both up and down, by more than round-off."""
     steps = np.diff(values)
     least = LEAST_FOLD * float(np.ptp(values)) if len(values) and np.isfinite(values).all() else np.inf

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
-from numpy.typing import NDArray
 from scipy.constants import speed_of_light
 
 from warpknit.export.curve_axes import draw_line, draw_range, mark_handles, shade_compression
@@ -45,7 +42,7 @@ SIDES: dict[str, LineLook] = {
 def tension_figure(
     history: Columns,
     answers: Values,
-    path: str | os.PathLike[str],
+    path: Path,
     *,
     yield_stress: float,
     jumps: Sequence[tuple[float, float]] = (),
@@ -60,7 +57,7 @@ def tension_figure(
     shown = tension > LEAST_TENSION * tension.max()
     to_stress, stress_unit = scale_of("Pa", history["stress_max_Pa"], np.array([yield_stress]))
 
-    def column(name: str) -> NDArray[Any]:
+    def column(name: str) -> np.ndarray:
         return history[name][shown]
 
     active = column("active_percent")
@@ -118,7 +115,7 @@ def tension_figure(
     return save_figure(figure, path)
 
 
-def _tension_range(tension: NDArray[Any], active: NDArray[Any], answers: Values) -> tuple[float, float]:
+def _tension_range(tension: np.ndarray, active: np.ndarray, answers: Values) -> tuple[float, float]:
     """Ends [N/m] of the axis: from the first change of contacts to a little beyond first yield and the service tensions.
 
     At most LONGEST_AXIS times the lower end, but never beyond the best tension. tension, active: of the records that are drawn.
@@ -140,7 +137,7 @@ def _tension_range(tension: NDArray[Any], active: NDArray[Any], answers: Values)
     return (begin if best is None else min(begin, BEFORE * mean(best))), end
 
 
-def tension_strain_figure(curves: Mapping[str, Columns], path: str | os.PathLike[str], *, yield_stress: float) -> Path:
+def tension_strain_figure(curves: Mapping[str, Columns], path: Path, *, yield_stress: float) -> Path:
     """Tension in weft and warp against strain. `curves`: by load, with the columns of tension_strain.csv as arrays.
 
     Lines over jumps are dotted.
@@ -177,7 +174,7 @@ def tension_strain_figure(curves: Mapping[str, Columns], path: str | os.PathLike
     return save_figure(figure, path)
 
 
-def _strain_axis(curve: Columns) -> tuple[NDArray[Any], str, str]:
+def _strain_axis(curve: Columns) -> tuple[np.ndarray, str, str]:
     """Strains [%] of a curve, label of their axis, title."""
     weft, warp = (100.0 * float(curve[f"strain_{side}"][-1]) for side in ("weft", "warp"))
     side = "weft" if weft >= warp else "warp"
@@ -201,7 +198,7 @@ def _top_tension(curves: Sequence[Columns], yield_stress: float) -> float:
     return (min(shown, everything) if shown > 0.0 else everything) or 1.0
 
 
-def resistance_figure(curve: Columns, path: str | os.PathLike[str]) -> Path:
+def resistance_figure(curve: Columns, path: Path) -> Path:
     """Draw sheet resistance and active contacts against strain in both directions."""
     figure = figure_of(7.0, 4.0)
     axes = figure.subplots()
@@ -240,9 +237,7 @@ def _handles(figure: Figure) -> list[Artist]:
     return [*every.values(), *mark_handles(figure)]
 
 
-def openings_figure(
-    circles: Sequence[tuple[str, float]], bands: Sequence[tuple[str, float]], path: str | os.PathLike[str]
-) -> Path:
+def openings_figure(circles: Sequence[tuple[str, float]], bands: Sequence[tuple[str, float]], path: Path) -> Path:
     """Draw the largest circle in an opening over the wavelength, against frequency.
 
     circles: label and diameter [m]. bands: name and frequency [Hz].

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,12 +16,11 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.tri import Triangulation
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from warpknit.export.curves_figure import curves_figure
 from warpknit.export.heat_figure import heat_figure
-from warpknit.export.mesh_figure import Peak, mesh_figure, state_title
+from warpknit.export.mesh_figure import mesh_figure, state_title
 from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, LineLook, figure_of, frame_plan_axes, plain, save_figure, scale_of
 from warpknit.export.run_record import RunRecord
 from warpknit.results.frame import Frame, WireLayout, drawn_frame, drawn_layout
@@ -35,14 +33,14 @@ NET_NODES = 200  # places that hold a panel up to which each is marked
 FLAT = 1e-3  # [mm] heights and [um] deviations that differ by less are drawn alike
 
 
-def panel_figure(tables: Mapping[str, Columns], path: str | os.PathLike[str], title: str) -> Path:
+def panel_figure(tables: Mapping[str, Columns], path: Path, title: str) -> Path:
     """Draw a panel's map, edge and surface: tables `map`, `edge` and `surface` of a state.
 
     All of it is drawn as strained, from the middle of the panel.
     """
     tiles, edge, surface = tables["map"], tables["edge"], tables.get("surface")
     scale, unit = scale_of("N/m", tiles["tension_weft_N_per_m"], tiles["tension_warp_N_per_m"])
-    maps: list[tuple[NDArray[Any], str, dict[str, Any]]] = [
+    maps: list[tuple[np.ndarray, str, dict[str, Any]]] = [
         (tiles["active_percent"], "active contacts [% of the pairs]", {"vmin": 0.0, "vmax": 100.0, "cmap": "viridis"}),
     ]
     for values, label, colours in (
@@ -77,7 +75,7 @@ def panel_figure(tables: Mapping[str, Columns], path: str | os.PathLike[str], ti
     return save_figure(figure, path)
 
 
-def _draw_tiles(axes: Axes, tiles: Columns, values: NDArray[Any], look: dict[str, Any]) -> Any:
+def _draw_tiles(axes: Axes, tiles: Columns, values: np.ndarray, look: dict[str, Any]) -> Any:
     """Draw one parallelogram a tile; at the edge it is larger, and cut. Places without a value have their nearest tile's."""
     columns, column = np.unique(np.round(tiles["weft_m"], 9), return_inverse=True)
     rows, row = np.unique(np.round(tiles["warp_m"], 9), return_inverse=True)
@@ -94,7 +92,7 @@ def _draw_tiles(axes: Axes, tiles: Columns, values: NDArray[Any], look: dict[str
     return axes.pcolormesh(corner[..., 0], corner[..., 1], grid[tuple(nearest)], **look)
 
 
-def _draw_edge(axes: Axes, edge: NDArray[Any], held: NDArray[Any], image: Any) -> None:
+def _draw_edge(axes: Axes, edge: np.ndarray, held: np.ndarray, image: Any) -> None:
     """Draw the outline, which clips `image`, with a dot at each net node."""
     outline = Polygon(edge, closed=True, fill=False, edgecolor="black", linewidth=0.8)
     axes.add_patch(outline)
@@ -104,7 +102,7 @@ def _draw_edge(axes: Axes, edge: NDArray[Any], held: NDArray[Any], image: Any) -
     frame_plan_axes(axes, edge.min(axis=0), edge.max(axis=0))
 
 
-def _draw_surface(figure: Any, axes: NDArray[Any], surface: Columns) -> Iterator[tuple[Axes, Any]]:
+def _draw_surface(figure: Any, axes: np.ndarray, surface: Columns) -> Iterator[tuple[Axes, Any]]:
     """Height, and deviation from the paraboloid."""
     x, y = 1e3 * surface["x_m"], 1e3 * surface["y_m"]
     mesh = Triangulation(x, y)
@@ -128,7 +126,7 @@ BETWEEN = 4  # states drawn pale between rest and the last
 TOUCHING = 1e-3  # of the largest force: with less the wires just graze, at places that mean nothing
 
 
-def hook_figure(layout: WireLayout, frames: Sequence[Frame], history: Columns, path: str | os.PathLike[str]) -> Path:
+def hook_figure(layout: WireLayout, frames: Sequence[Frame], history: Columns, path: Path) -> Path:
     """Draw the frames of a hook; the columns of its history have a value for each."""
     figure = figure_of(12.0, 5.6)
     panels = figure.subplot_mosaic([["hook", "force"], ["hook", "place"]], width_ratios=(1.0, 1.15))
@@ -214,7 +212,7 @@ def export_figures(record: RunRecord) -> list[Path]:
         if tables := record.panel(frame.index):
             paths.append(panel_figure(tables, folder / name.replace("mesh", "panel"), title))
         found = _numbers(history, frame.index, "stress_max_Pa", "stress_max_x_m", "stress_max_y_m")
-        peak = None if found is None or found[0] <= 0.0 else Peak(*found)
+        peak = found if found and found[0] > 0.0 else None
         paths.append(mesh_figure(record.layout, frame, folder / name, title, yield_stress=record.yield_stress, peak=peak))
     return paths
 

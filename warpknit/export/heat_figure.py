@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from warpknit.base.text import ZERO_CELSIUS
 from warpknit.export import curve_axes
@@ -23,7 +21,7 @@ MARGIN = 1.2  # of the limits of such an axis over its values
 FLAT = 0.1  # of the axis: what changes by less between jumps is hard to see
 
 
-def heat_figure(histories: Sequence[Columns], path: str | os.PathLike[str]) -> Path | None:
+def heat_figure(histories: Sequence[Columns], path: Path) -> Path | None:
     """Draw contacts, tension, strain and stress against temperature, or nothing at a constant one.
 
     None without such a stage. histories: columns of each; lines to rows with a `jump` are dotted. The change of a
@@ -85,7 +83,7 @@ def heat_figure(histories: Sequence[Columns], path: str | os.PathLike[str]) -> P
     return save_figure(figure, path)
 
 
-def _smooth_span(curves: Sequence[curve_axes.Curve], stages: Sequence[tuple[str, slice]], jumped: NDArray[np.bool_]) -> float:
+def _smooth_span(curves: Sequence[curve_axes.Curve], stages: Sequence[tuple[str, slice]], jumped: np.ndarray) -> float:
     """Largest change of the curves between two jumps."""
     sections = [(rows, np.flatnonzero(jumped[rows][1:]) + 1) for _, rows in stages]
     parts = [part for *_, values in curves for rows, jumps in sections for part in np.split(values[rows], jumps)]

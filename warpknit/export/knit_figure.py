@@ -1,6 +1,5 @@
 """Plan view of the knit: wires by guide bar, over and under each other, clasps, and one rhombus with its bodies."""
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,6 @@ from matplotlib.colors import to_rgba
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -38,7 +36,7 @@ BODY_COLOUR, RHOMBUS_COLOUR = "#111111", "#B00058"
 def knit_figure(
     cloth: Cloth,
     thickness: float,
-    path: str | os.PathLike[str],
+    path: Path,
     columns: int = 2,
     rows: int = 2,
 ) -> Path:
@@ -101,9 +99,7 @@ def knit_figure(
     return save_figure(figure, path)
 
 
-def _places(
-    bodies: NDArray[Any], classes: NDArray[np.intp], spacing: float, period: NDArray[Any]
-) -> tuple[NDArray[Any], NDArray[np.intp]]:
+def _places(bodies: np.ndarray, classes: np.ndarray, spacing: float, period: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Places (body, 2) [mm] of the marks of bodies (body, 2) [mm], and number (body,) of their stack.
 
     Marks that would meet, also of the next repeat, stand one above the other. period: [mm] along weft and warp.
@@ -128,7 +124,7 @@ def _places(
     return bodies, stack
 
 
-def _wires(cloth: Cloth, period: NDArray[Any], low: NDArray[Any], high: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+def _wires(cloth: Cloth, period: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Pieces (piece, 2, 3) [mm] of all wires between low and high [mm]; their colours (piece, 4)."""
     pieces, colours = [], []
     for thread in cloth.threads:

@@ -6,7 +6,6 @@ R. Guglielmini, A. Marotta, P. Salvini, IOP Conf. Ser.: Mater. Sci. Eng. 1214 (2
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import cycle
@@ -25,7 +24,6 @@ from matplotlib.path import Path as Line
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Bbox
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from warpknit.base.text import of_sides
@@ -56,7 +54,7 @@ WARNING_WIDTH = 100  # characters of a line
 class Marks:
     """Marks of every map."""
 
-    stress: NDArray[Any]  # (warp, weft) [Pa] largest wire stress, nan where unknown
+    stress: np.ndarray  # (warp, weft) [Pa] largest wire stress, nan where unknown
     yield_stress: float  # [Pa]
     is_assumed: bool = field(default=False, kw_only=True)  # whether the scene leaves it out
     optimum: tuple[float, float] | None  # load, weft and warp
@@ -67,10 +65,10 @@ class Marks:
 
 
 def map_figure(
-    path: str | os.PathLike[str],
+    path: Path,
     weft: Sequence[float],
     warp: Sequence[float],
-    values: NDArray[Any],
+    values: np.ndarray,
     *,
     title: str,
     label: str,
@@ -150,7 +148,7 @@ def _range_of(known: np.ma.MaskedArray[Any, Any], unit: str, marks: Marks) -> tu
 
 
 def _draw_levels(
-    axes: Axes, bar: Colorbar, x: NDArray[Any], y: NDArray[Any], known: np.ma.MaskedArray[Any, Any], top: float, percent: bool
+    axes: Axes, bar: Colorbar, x: np.ndarray, y: np.ndarray, known: np.ma.MaskedArray[Any, Any], top: float, percent: bool
 ) -> tuple[ContourSet, dict[float, str]] | None:
     """Draw lines of equal value, also on the colour bar; return them with the names of their levels."""
     low, high = float(known.min()), min(top, float(known.max()))
@@ -171,7 +169,7 @@ def _draw_levels(
     return drawn, {level: f"{level:g}{' %' if percent else ''}" for level in shown}
 
 
-def _drop_stubs(drawn: ContourSet, x: NDArray[Any], y: NDArray[Any]) -> bool:
+def _drop_stubs(drawn: ContourSet, x: np.ndarray, y: np.ndarray) -> bool:
     """Remove open lines of equal value shorter than LEAST_LINE cells; whether any is left."""
     cell = np.array([np.ptp(x) / (len(x) - 1), np.ptp(y) / (len(y) - 1)])
     kept = []
@@ -185,7 +183,7 @@ def _drop_stubs(drawn: ContourSet, x: NDArray[Any], y: NDArray[Any]) -> bool:
     return any(kept)
 
 
-def _levels_apart(axes: Axes, x: NDArray[Any], y: NDArray[Any], known: Any, levels: Sequence[float]) -> list[float]:
+def _levels_apart(axes: Axes, x: np.ndarray, y: np.ndarray, known: Any, levels: Sequence[float]) -> list[float]:
     """Rising levels whose lines leave room for their names."""
     figure = axes.get_figure(root=True)
     assert figure is not None
@@ -223,7 +221,7 @@ def _name_lines(axes: Axes, drawn: ContourSet, names: dict[float, str]) -> None:
             taken.append(box)
 
 
-def _steps(x: NDArray[Any], y: NDArray[Any], values: Any) -> tuple[NDArray[Any], NDArray[Any], Any]:
+def _steps(x: np.ndarray, y: np.ndarray, values: Any) -> tuple[np.ndarray, np.ndarray, Any]:
     """Places (2n) and values (2m, 2n) whose lines of equal value follow cell edges."""
     places = []
     for middle in (x, y):
@@ -234,7 +232,7 @@ def _steps(x: NDArray[Any], y: NDArray[Any], values: Any) -> tuple[NDArray[Any],
 
 
 def _draw_marks(
-    axes: Axes, x: NDArray[Any], y: NDArray[Any], marks: Marks, colour_of: Callable[[Any], Any], of_load: tuple[float, str]
+    axes: Axes, x: np.ndarray, y: np.ndarray, marks: Marks, colour_of: Callable[[Any], Any], of_load: tuple[float, str]
 ) -> list[Any]:
     """Draw elastic limit, optimum and other places in their colours; return legend entries.
 
@@ -287,7 +285,7 @@ def _draw_marks(
     return handles + [Line2D([], [], color="black", marker="x", linestyle="none", label=label) for label in outside]
 
 
-def _edge_between(x: NDArray[Any], y: NDArray[Any], one: NDArray[Any], other: NDArray[Any]) -> NDArray[Any]:
+def _edge_between(x: np.ndarray, y: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Ends (2, 2) of the edge between neighbouring cells with middles `one` and `other` (2,)."""
     across = 0 if abs(other[0] - one[0]) > abs(other[1] - one[1]) else 1
     middle = (x, y)[1 - across]
@@ -297,7 +295,7 @@ def _edge_between(x: NDArray[Any], y: NDArray[Any], one: NDArray[Any], other: ND
     return ends
 
 
-def _smooth(values: Any, x: NDArray[Any], y: NDArray[Any], marks: Marks, factor: float) -> Any:
+def _smooth(values: Any, x: np.ndarray, y: np.ndarray, marks: Marks, factor: float) -> Any:
     """Values (warp, weft) without cells at a snap-through: no line of equal value crosses them."""
     shown = np.ma.array(values, copy=True)
     for cell in {tuple(cell) for pair in marks.jumps for cell in pair}:
@@ -305,7 +303,7 @@ def _smooth(values: Any, x: NDArray[Any], y: NDArray[Any], marks: Marks, factor:
     return shown
 
 
-def _edges(middle: NDArray[Any]) -> NDArray[Any]:
+def _edges(middle: np.ndarray) -> np.ndarray:
     """Edges (n + 1,) of cells about their middles (n,)."""
     if len(middle) == 1:
         return np.array([middle[0] - 0.5, middle[0] + 0.5])

@@ -1,8 +1,7 @@
 """Figure of the deformed mesh: wires coloured by stress, and contacts; for a large or crowded mesh, maps of both."""
 
 import math
-import os
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from warpknit.base.text import ZERO_CELSIUS, alike, engineering
@@ -48,8 +46,9 @@ LEAST_ROOM, ENOUGH_ROOM = 15.0, 22.0  # [pt] between contacts: no white edges an
 PLAN_SIZE = 8.0  # [inch] of the larger side of a plan view
 LEGEND_COLUMN = 2.5  # [inch]
 ONE_TENSION = 4e-3  # of a tension: what the search of one may leave between weft and warp
-PEAK: LineLook = {"linestyle": "none", "marker": "*", "markersize": 13, "markerfacecolor": "none"}  # a contact shows in it
-PEAK |= {"markeredgecolor": "black", "markeredgewidth": 0.9, "path_effects": [withStroke(linewidth=2.0, foreground="white")]}
+PEAK: LineLook = {"linestyle": "none", "marker": "*", "markersize": 13, "markerfacecolor": "none",  # a contact shows in it
+                  "markeredgecolor": "black", "markeredgewidth": 0.9,
+                  "path_effects": [withStroke(linewidth=2.0, foreground="white")]}  # fmt: skip
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 OUTLINE: LineLook = {"color": "#404040", "linewidth": 1.2, "linestyle": "--"}
 ELSEWHERE: LineLook = {"linestyle": "none", "marker": "D", "markerfacecolor": "none", "markeredgecolor": AMBER}
@@ -58,28 +57,20 @@ DARK = 0.26  # of the mark: the dark line about it
 RING: LineLook = {"markerfacecolor": "none", "markeredgecolor": GREEN, "linestyle": "none", "marker": "o"}
 
 
-@dataclass(frozen=True)
-class Peak:
-    """Largest wire stress of a state; its place from the corner of the mesh."""
-
-    stress: float  # [Pa]
-    weft: float  # [m]
-    warp: float  # [m]
-
-
 def mesh_figure(
     layout: WireLayout,
     frame: Frame,
-    path: str | os.PathLike[str],
+    path: Path,
     title: str,
     *,
     yield_stress: float | None = None,
-    peak: Peak | None = None,
+    peak: Sequence[float] | None = None,
 ) -> Path:
     """Draw the deformed mesh in plan view: wires coloured by stress, contacts, the central rhombus.
 
     A periodic tile is drawn in copies that fill the picture. The origin is the corner of the mesh, as in the tables.
-    `yield_stress` [Pa]: stress beyond it is drawn in cyan. peak: the largest stress and its place, which is marked.
+    `yield_stress` [Pa]: stress beyond it is drawn in cyan. peak: the largest stress [Pa] and
+    its place in weft and warp [m], which is marked.
     """
     frame.require_finite()
     if layout.curve_segment.size > SEGMENTS_DRAWN or _is_crowded(layout, frame):
@@ -102,7 +93,7 @@ def mesh_figure(
     _stress_bar(figure, axes, wires, yield_stress)
     spacing = _spacing(bodies, layout.body_count)
     shows_open = spacing * plan_scale(figure, axes) >= LEAST_ROOM  # else they would hide the loops
-    _legend(figure, layout, frame, shows_open, peak)
+    _legend(figure, layout, frame, shows_open, _draw_peak(axes, peak))
     if tile is not None:
         axes.add_patch(Polygon(SQUARE @ tile.T, fill=False, zorder=2, **OUTLINE))
     points_per_mm = plan_scale(figure, axes)  # the legend takes room
@@ -120,7 +111,6 @@ def mesh_figure(
         _nearest(bodies, offsets) / OPEN_SIZE,
     )
     _draw_contacts(axes, layout, frame, bodies, offsets, min(max(size, SMALLEST_MARK), LARGEST_MARK), shows_open)
-    _draw_peak(axes, peak)
     return save_figure(figure, path)
 
 
@@ -141,17 +131,15 @@ def _is_crowded(layout: WireLayout, frame: Frame) -> bool:
     return MARK * _spacing(position, _mark_count(layout, frame, shows_open=False)) * points_per_mm < SMALLEST_MARK
 
 
-def _draw_peak(axes: Axes, peak: Peak | None) -> None:
-    if peak is not None:
-        axes.plot(1e3 * peak.weft, 1e3 * peak.warp, **PEAK, zorder=5)
+def _draw_peak(axes: Axes, peak: Sequence[float] | None) -> list[Line2D]:
+    """Mark the largest stress; its legend entry, if any."""
+    if peak is None:
+        return []
+    stress, weft, warp = peak
+    return axes.plot(1e3 * weft, 1e3 * warp, **PEAK, zorder=5, label=f"largest wire stress: {engineering(stress, 'Pa')}")
 
 
-def _peak_handle(peak: Peak) -> Line2D:
-    """The mark of the largest stress, for a legend."""
-    return Line2D([], [], **PEAK, label=f"largest wire stress: {engineering(peak.stress, 'Pa')}")
-
-
-def _pieces(layout: WireLayout, frame: Frame) -> tuple[NDArray[Any], NDArray[Any]]:
+def _pieces(layout: WireLayout, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
     """Straight pieces (piece, 2, 3) [mm] of the drawn curves of wires, and stress [piece] [MPa] at their middles."""
     drawn, shown = drawn_layout(layout), drawn_frame(layout, frame)
     ends = np.stack([drawn.curve_segment, drawn.curve_segment + 1], axis=1)
@@ -159,13 +147,13 @@ def _pieces(layout: WireLayout, frame: Frame) -> tuple[NDArray[Any], NDArray[Any
     return 1e3 * curve_position(drawn, shown)[ends], stress[ends].mean(axis=1)
 
 
-def _with_margin(low: NDArray[Any], high: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+def _with_margin(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     margin = 0.1 * (high - low)
     return low - margin, high + margin
 
 
 def _mesh_map(
-    layout: WireLayout, frame: Frame, path: str | os.PathLike[str], title: str, yield_stress: float | None, peak: Peak | None
+    layout: WireLayout, frame: Frame, path: Path, title: str, yield_stress: float | None, peak: Sequence[float] | None
 ) -> Path:
     """Draw a large mesh as two maps on a grid: the largest stress, and the fraction of active pairs."""
     position = 1e3 * curve_position(layout, frame)[:, :2]
@@ -199,8 +187,7 @@ def _mesh_map(
             for colour, width in (("black", 3.5), ("white", 1.5)):
                 axes.plot(*rhombus.mean(axis=0), **ring, markeredgecolor=colour, markeredgewidth=width)
         frame_plan_axes(axes, low, high)
-    _draw_peak(left, peak)
-    handles = [] if peak is None else [_peak_handle(peak)]
+    handles = _draw_peak(left, peak)
     if rhombus.size:
         ring = {**ring, "markeredgecolor": "black", "markeredgewidth": 1.5}
         handles.append(Line2D([], [], **ring, label="central rhombus"))
@@ -211,13 +198,13 @@ def _mesh_map(
     return save_figure(figure, path)
 
 
-def _cells(size: NDArray[Any], count: float, most: int) -> tuple[int, int]:
+def _cells(size: np.ndarray, count: float, most: int) -> tuple[int, int]:
     """Rows and columns of about `count` square cells, `most` a side at most."""
     edge = max(math.sqrt(size[0] * size[1] / max(count, 1.0)), max(size) / most)
     return max(1, round(size[1] / edge)), max(1, round(size[0] / edge))
 
 
-def _cells_of_repeats(repeats: NDArray[Any], size: NDArray[Any], count: float, most: int) -> tuple[tuple[int, int], NDArray[Any]]:
+def _cells_of_repeats(repeats: np.ndarray, size: np.ndarray, count: float, most: int) -> tuple[tuple[int, int], np.ndarray]:
     """Rows and columns of a grid of whole repeats, and its size. Cells that cut repeats would show a
     false pattern. About `count` square cells without a knit.
     """
@@ -228,16 +215,15 @@ def _cells_of_repeats(repeats: NDArray[Any], size: NDArray[Any], count: float, m
     return (int(cells[1]), int(cells[0])), size * cells * together / repeats
 
 
-def _cell_of(position: NDArray[Any], low: NDArray[Any], size: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
+def _cell_of(position: np.ndarray, low: np.ndarray, size: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     """Number, row by row, of the cell of each point [point]."""
     column_row = ((position - low) / size * (shape[1], shape[0])).astype(np.int64)
     column, row = np.clip(column_row, 0, (shape[1] - 1, shape[0] - 1)).T
     return np.asarray(row * shape[1] + column)
 
 
-def _legend(figure: Figure, layout: WireLayout, frame: Frame, shows_open: bool, peak: Peak | None) -> None:
-    """Add the numbers of active and open contacts (and in the rhombus), and the largest stress."""
-    handles = [] if peak is None else [_peak_handle(peak)]
+def _legend(figure: Figure, layout: WireLayout, frame: Frame, shows_open: bool, handles: list[Line2D]) -> None:
+    """Add the numbers of active and open contacts (and in the rhombus) to a legend of `handles`."""
     for chosen, name, _, look in _kinds(frame) if layout.body_count else ():
         label, is_drawn = f"{name} clasps: {np.count_nonzero(chosen)}", name == "active" or shows_open
         shown = {**look, "markersize": 6.5, "markeredgewidth": 1.0} if is_drawn else {"linestyle": "none"}
@@ -258,7 +244,7 @@ def _legend(figure: Figure, layout: WireLayout, frame: Frame, shows_open: bool, 
 
 
 def _draw_contacts(
-    axes: Axes, layout: WireLayout, frame: Frame, position: NDArray[Any], offsets: NDArray[Any], size: float, shows_open: bool
+    axes: Axes, layout: WireLayout, frame: Frame, position: np.ndarray, offsets: np.ndarray, size: float, shows_open: bool
 ) -> None:
     """Fill active contacts at `position` (body, 2) [mm], circle open ones, ring the central rhombus.
 
@@ -289,7 +275,7 @@ def _elsewhere(size: float) -> LineLook:
     return {**ELSEWHERE, "markersize": ELSEWHERE_SIZE * size, "markeredgewidth": 0.18 * size, "path_effects": dark}
 
 
-def _spacing(position: NDArray[Any], count: int) -> float:
+def _spacing(position: np.ndarray, count: int) -> float:
     """Mean distance [mm] of `count` contacts on the area of `position` (point, 2 or 3) [mm]; without bound where none is.
 
     Contacts of a narrow strip stand in a row.
@@ -300,7 +286,7 @@ def _spacing(position: NDArray[Any], count: int) -> float:
     return max(math.sqrt(float(np.prod(size)) / count), float(size.max()) / count)
 
 
-def _nearest(bodies: NDArray[Any], offsets: NDArray[Any]) -> float:
+def _nearest(bodies: np.ndarray, offsets: np.ndarray) -> float:
     """Median distance [mm] of a body (body, 2) [mm] to the nearest other body; without bound for a single one."""
     every = (bodies[None] + offsets[:, None]).reshape(-1, 2)
     if len(every) < 2 or not len(bodies):
@@ -308,7 +294,7 @@ def _nearest(bodies: NDArray[Any], offsets: NDArray[Any]) -> float:
     return float(np.median(cKDTree(every).query(bodies, 2)[0][:, 1]))
 
 
-def _kinds(frame: Frame) -> tuple[tuple[NDArray[np.bool_], str, float, LineLook], ...]:
+def _kinds(frame: Frame) -> tuple[tuple[np.ndarray, str, float, LineLook], ...]:
     """Active and open clasps: which, the name, the width of the edge over the size of the mark, and its look."""
     active = frame.body_active
     mark: LineLook = {"linestyle": "none", "marker": "o"}
@@ -319,7 +305,7 @@ def _kinds(frame: Frame) -> tuple[tuple[NDArray[np.bool_], str, float, LineLook]
     )
 
 
-def _plan_figure(size: NDArray[Any], panels: int, title: str) -> tuple[Figure, NDArray[Any]]:
+def _plan_figure(size: np.ndarray, panels: int, title: str) -> tuple[Figure, np.ndarray]:
     """A figure with axes for `panels` plan views of `size` [mm] side by side."""
     width, height = 1.06 * np.maximum(size, 1e-9)
     inches = min(PLAN_SIZE / width, PLAN_SIZE / height)
@@ -329,7 +315,7 @@ def _plan_figure(size: NDArray[Any], panels: int, title: str) -> tuple[Figure, N
     return figure, np.atleast_1d(figure.subplots(1, panels))
 
 
-def stress_colours(stress: NDArray[Any], yield_stress: float | None) -> tuple[Colormap, Normalize]:
+def stress_colours(stress: np.ndarray, yield_stress: float | None) -> tuple[Colormap, Normalize]:
     """Colour map of the stress, cyan beyond the yield stress; scale [MPa].
 
     The scale ends at the yield stress, so that pictures of one wire compare, or at the largest stress where it is unknown.

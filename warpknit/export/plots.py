@@ -3,19 +3,16 @@
 Matplotlib's objects on an Agg canvas, without pyplot's state: figures can be drawn in any thread and without a screen.
 """
 
-import os
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any, TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.patheffects import AbstractPathEffect
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from warpknit.base.files import path_aside
 
@@ -26,20 +23,7 @@ AMBER = "#E69F00"  # of contacts where no wires hook
 WIDTHS = (3.4, 1.6, 1.6, 1.6)  # [pt] of curves in one panel: the first is wider, and shows beside an equal one drawn over it
 
 
-class LineLook(TypedDict, total=False):
-    """Look of a line and its marks, as keywords of matplotlib."""
-
-    color: str
-    linestyle: Any  # a name, or an offset and lengths of dashes and gaps
-    linewidth: float
-    alpha: float
-    marker: str
-    markersize: float
-    markerfacecolor: str
-    markeredgecolor: str
-    markeredgewidth: float
-    path_effects: Sequence[AbstractPathEffect]
-    gid: str
+LineLook: TypeAlias = Mapping[str, Any]  # of a line and its marks, as keywords of matplotlib
 
 
 def figure_of(width: float, height: float) -> Figure:
@@ -48,8 +32,7 @@ def figure_of(width: float, height: float) -> Figure:
     return figure
 
 
-def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
-    path = Path(path)
+def save_figure(figure: Figure, path: Path) -> Path:
     for axes in figure.axes:
         if axes.get_xlabel() and axes.get_xscale() == "linear":
             axes.xaxis.set_major_locator(few_ticks())
@@ -69,7 +52,7 @@ def few_ticks() -> MaxNLocator:
     return MaxNLocator(8, steps=[1, 2, 5, 10])
 
 
-def scale_of(unit: str, *values: NDArray[Any]) -> tuple[float, str]:
+def scale_of(unit: str, *values: np.ndarray) -> tuple[float, str]:
     """Factor and prefixed unit for at most three digits before the point. (1e3, "mN/m") of "N/m" for a largest value of 0.25."""
     known = [np.abs(some[np.isfinite(some)]).max(initial=0.0) for some in values]
     size = float(max(known, default=0.0))
@@ -79,7 +62,7 @@ def scale_of(unit: str, *values: NDArray[Any]) -> tuple[float, str]:
     return 1.0, unit
 
 
-def frame_plan_axes(axes: Axes, low: NDArray[Any], high: NDArray[Any]) -> None:
+def frame_plan_axes(axes: Axes, low: np.ndarray, high: np.ndarray) -> None:
     margin = 0.03 * np.maximum(high - low, 1e-9)
     axes.set(xlim=(low[0] - margin[0], high[0] + margin[0]), ylim=(low[1] - margin[1], high[1] + margin[1]))
     axes.set(xlabel="weft [mm]", ylabel="warp [mm]")
@@ -97,7 +80,7 @@ OVERLAP = 0.3  # of its width, by which a piece of wire reaches over its neighbo
 EDGE_OVERLAP = 0.25  # [pt] the same of its white edge: less, for the wire to cover what it hides of its neighbours
 
 
-def over_under(pieces: NDArray[Any], colours: Any, width: float, points_per_mm: float, edge: float = EDGE) -> LineCollection:
+def over_under(pieces: np.ndarray, colours: Any, width: float, points_per_mm: float, edge: float = EDGE) -> LineCollection:
     """Straight pieces (piece, 2, 3) [mm] of wires in `colours` (piece, 4); the lowest first, each on a wider white one.
 
     width: of the wires [pt]; edge: of the white on either side [pt].
@@ -114,7 +97,7 @@ def over_under(pieces: NDArray[Any], colours: Any, width: float, points_per_mm: 
     return LineCollection(list(lines), colors=drawn, linewidths=widths, capstyle="butt", zorder=1)
 
 
-def tile_copies(points: NDArray[Any], period: NDArray[Any], low: NDArray[Any], high: NDArray[Any]) -> NDArray[Any]:
+def tile_copies(points: np.ndarray, period: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Offsets (copy, 2) of visible copies of a tile, by its `points` (point, 2) between `low` and `high`.
 
     The columns of `period` (2, 2) lead to the next copy.
@@ -127,7 +110,7 @@ def tile_copies(points: NDArray[Any], period: NDArray[Any], low: NDArray[Any], h
     return np.stack(grid, axis=-1).reshape(-1, 2) @ period.T
 
 
-def copied(pieces: NDArray[Any], offsets: NDArray[Any], low: NDArray[Any], high: NDArray[Any]) -> tuple[NDArray[Any], Any]:
+def copied(pieces: np.ndarray, offsets: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, Any]:
     """Visible copies of pieces (piece, 2, 3) between `low` and `high`, and the index of their piece."""
     shift = np.concatenate([offsets, np.zeros((len(offsets), 1))], axis=1)
     every = (pieces + shift[:, None, None]).reshape(-1, 2, 3)

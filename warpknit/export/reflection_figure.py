@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -10,7 +9,6 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.lines import Line2D
 from matplotlib.typing import LineStyleType
-from numpy.typing import NDArray
 
 from warpknit.base.text import engineering
 from warpknit.export.plots import BLUE, GREEN, ORANGE, PURPLE, WIDTHS, LineLook, figure_of, plain, save_figure, scale_of
@@ -25,7 +23,7 @@ AT_NORMAL = {"TE": "field along warp (TE)", "TM": "field along weft (TM)"}
 LEAST_LOSS = 1e-4  # [dB] drawn
 
 
-def tension_figure(rows: Columns, frequencies: Sequence[float], path: str | os.PathLike[str], title: str) -> Path:
+def tension_figure(rows: Columns, frequencies: Sequence[float], path: Path, title: str) -> Path:
     """Draw the loss under tension against the mean tension, a curve for each frequency [Hz].
 
     rows: columns of reflection.csv. Thin lines: all contacts open, and all closed.
@@ -37,7 +35,7 @@ def tension_figure(rows: Columns, frequencies: Sequence[float], path: str | os.P
     return _loss_figure(rows, curves, scale * tension, f"tension, mean of weft and warp [{unit}]", title, path)
 
 
-def frequency_figure(rows: Columns, record: int, path: str | os.PathLike[str], title: str) -> Path:
+def frequency_figure(rows: Columns, record: int, path: Path, title: str) -> Path:
     """Draw the loss of one record against the frequency; the rest as in `tension_figure`."""
     here = rows["record"] == record
     weft, warp = (rows[f"tension_{side}_N_per_m"][here][0] for side in ("weft", "warp"))
@@ -46,8 +44,8 @@ def frequency_figure(rows: Columns, record: int, path: str | os.PathLike[str], t
 
 
 def _loss_figure(
-    rows: Columns, curves: Mapping[str, NDArray[np.bool_]], place: NDArray[np.float64], axis: str, title: str,
-    path: str | os.PathLike[str],
+    rows: Columns, curves: Mapping[str, np.ndarray], place: np.ndarray, axis: str, title: str,
+    path: Path,
 ) -> Path:  # fmt: skip
     """Draw the loss of both polarisations. curves: by their names the rows of each."""
     figure = figure_of(10.5, 4.6)

@@ -4,10 +4,8 @@ SI units, with names in the headings.
 """
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warpknit.base.files import write_table
 from warpknit.export.run_record import RunRecord
@@ -27,7 +25,7 @@ def export_tables(record: RunRecord) -> list[Path]:
     return paths
 
 
-def contact_table(layout: WireLayout, frame: Frame) -> dict[str, NDArray[Any]]:
+def contact_table(layout: WireLayout, frame: Frame) -> dict[str, np.ndarray]:
     """Columns, a value a body. `force_N` is what passes between the wires, the smaller of the two pairs' forces."""
     body = np.arange(layout.body_count)
     x, y, z = frame.body_position.T
@@ -50,13 +48,13 @@ def contact_table(layout: WireLayout, frame: Frame) -> dict[str, NDArray[Any]]:
     }
 
 
-def elsewhere_table(frame: Frame) -> dict[str, NDArray[Any]]:
+def elsewhere_table(frame: Frame) -> dict[str, np.ndarray]:
     """Columns, a value an active contact where no wires hook."""
     (wire_a, wire_b), (x, y, z) = frame.elsewhere_wires.T, frame.elsewhere_position.T
     return {"wire_a": wire_a, "wire_b": wire_b, "x_m": x, "y_m": y, "z_m": z, "force_N": frame.elsewhere_force}
 
 
-def wire_table(layout: WireLayout, frame: Frame) -> dict[str, NDArray[Any]]:
+def wire_table(layout: WireLayout, frame: Frame) -> dict[str, np.ndarray]:
     """Columns with a value a wire. The length of a closed wire is that for one period."""
     start, drawn = layout.wire_start, drawn_layout(layout)
     points, segment = curve_position(drawn, drawn_frame(layout, frame)), drawn.curve_segment

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple
 from pathlib import Path
-from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
@@ -14,6 +12,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogLocator
 
 from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, figure_of, save_figure
+from warpknit.results.row import Values
 
 QUANTITIES = (
     "active contacts [points of %]",
@@ -32,29 +31,20 @@ COLOURS = {"alone": GREY, "together": BLUE, "preset": ORANGE}
 SAID = {"alone": "one setting changed", "together": "several changed", "preset": "presets"}
 
 
-@dataclass(frozen=True)
-class Mark:
-    """One point: its cost, its errors in the order of QUANTITIES, and its label."""
+def trade_figure(path: Path, rows: Sequence[Values], own: Sequence[float], *, title: str) -> Path:
+    """Draw error against cost, both logarithmic, of rows of trade.csv.
 
-    price: float  # node-steps
-    errors: tuple[float, ...]
-    group: str  # alone | together | preset
-    label: str  # of a preset
-
-
-def trade_figure(path: str | os.PathLike[str], marks: Sequence[Mark], own: tuple[float, ...], *, title: str) -> Path:
-    """Draw error against cost, both logarithmic; own: errors of the reference, the lower limit of what can be measured."""
+    own: errors of the reference, the lower limit of what can be measured, in the order of QUANTITIES.
+    """
     figure = figure_of(10.0, 8.0)
     axes = figure.subplots(2, 2, sharex=True).ravel()
     for number, (place, quantity) in enumerate(zip(axes, QUANTITIES, strict=True)):
-        _panel(place, marks, number, PERCENT[number] * own[number])
+        _panel(place, rows, number, PERCENT[number] * own[number])
         place.set_title(quantity, fontsize="medium")
         place.set_ylabel("error [%]" if number else "error [points of %], none at the foot")
     for place in axes[2:]:
         place.set_xlabel("node-steps (those in double precision 1.8 times)")
-    handles: list[Any] = [
-        Line2D([], [], marker="o", linestyle="none", color=COLOURS[group], label=SAID[group]) for group in COLOURS
-    ]
+    handles = [Line2D([], [], marker="o", linestyle="none", color=COLOURS[group], label=SAID[group]) for group in COLOURS]
     handles.append(Line2D([], [], color=GREEN, marker="o", markerfacecolor="none", label="Pareto front"))
     handles.append(Line2D([], [], color=GREY, linestyle=":", label="error of the reference itself"))
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize="small")
@@ -62,25 +52,23 @@ def trade_figure(path: str | os.PathLike[str], marks: Sequence[Mark], own: tuple
     return save_figure(figure, path)
 
 
-def _panel(place: Axes, marks: Sequence[Mark], number: int, own: float) -> None:
-    percent = [max(LEAST, PERCENT[number] * mark.errors[number]) for mark in marks]
+def _panel(place: Axes, rows: Sequence[Values], number: int, own: float) -> None:
+    points = [(row.cost, max(LEAST, PERCENT[number] * astuple(row.errors)[number])) for row in rows]
     for group, colour in COLOURS.items():
-        chosen = [k for k, mark in enumerate(marks) if mark.group == group]
+        chosen = [k for k, row in enumerate(rows) if row.group == group]
         size = 60 if group == "preset" else 14
-        prices, errors = [marks[k].price for k in chosen], [percent[k] for k in chosen]
-        place.scatter(prices, errors, s=size, color=colour, zorder=3 if group == "preset" else 2, linewidths=0)
-        if group == "preset":
-            for k in chosen:
-                offset, align = LABEL_PLACES[min(chosen.index(k), 1) if k != chosen[-1] else 2]
-                place.annotate(marks[k].label, (marks[k].price, percent[k]), xytext=offset, ha=align, va="center",
-                               textcoords="offset points", fontsize="small", color=colour, zorder=5,
-                               path_effects=[withStroke(linewidth=3.0, foreground="white")])  # fmt: skip
-    front: list[int] = []
-    for k in sorted(range(len(marks)), key=lambda k: (marks[k].price, percent[k])):
-        if not front or percent[k] < percent[front[-1]]:
-            front.append(k)
-    place.plot([marks[k].price for k in front], [percent[k] for k in front], color=GREEN, marker="o", markerfacecolor="none",
-               markersize=7, linewidth=1.2, zorder=4)  # fmt: skip
+        costs, errors = [points[k][0] for k in chosen], [points[k][1] for k in chosen]
+        place.scatter(costs, errors, s=size, color=colour, zorder=3 if group == "preset" else 2, linewidths=0)
+        for k in chosen if group == "preset" else ():
+            offset, align = LABEL_PLACES[min(chosen.index(k), 1) if k != chosen[-1] else 2]
+            place.annotate(rows[k].preset, points[k], xytext=offset, ha=align, va="center",
+                           textcoords="offset points", fontsize="small", color=colour, zorder=5,
+                           path_effects=[withStroke(linewidth=3.0, foreground="white")])  # fmt: skip
+    front: list[tuple[float, float]] = []
+    for point in sorted(points):
+        if not front or point[1] < front[-1][1]:
+            front.append(point)
+    place.plot(*zip(*front, strict=True), color=GREEN, marker="o", markerfacecolor="none", markersize=7, linewidth=1.2, zorder=4)
     if own > LEAST:
         place.axhline(own, color=GREY, linestyle=":", linewidth=1.0)
     place.set_xscale("log")

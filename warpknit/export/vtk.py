@@ -11,15 +11,12 @@
 SI units: lengths in m. The time is the index of the frame. Open the two .pvd files.
 """
 
-import os
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import meshio
 import numpy as np
-from numpy.typing import NDArray
 
 from warpknit.base.files import path_aside, write_aside
 from warpknit.export.run_record import RunRecord
@@ -32,9 +29,8 @@ def export_vtk(record: RunRecord) -> list[Path]:
     return write_vtk(record.directory / "vtk", drawn_layout(record.layout), frames)
 
 
-def write_vtk(directory: str | os.PathLike[str], layout: WireLayout, frames: Iterable[Frame]) -> list[Path]:
+def write_vtk(directory: Path, layout: WireLayout, frames: Iterable[Frame]) -> list[Path]:
     """Write every frame, then the collections that name them; the paths, collections first."""
-    directory = Path(directory)
     segment = layout.curve_segment
     lines = np.stack((segment, segment + 1), axis=1)
     line_wire = np.repeat(np.arange(layout.wire_count, dtype=np.int32), np.diff(layout.curve_start) - 1)
@@ -77,7 +73,7 @@ def write_vtk(directory: str | os.PathLike[str], layout: WireLayout, frames: Ite
     return collections + [path for members in series.values() for _, path in members]
 
 
-def _points(position: NDArray[Any], wires: NDArray[Any], data: dict[str, NDArray[Any]]) -> meshio.Mesh:
+def _points(position: np.ndarray, wires: np.ndarray, data: dict[str, np.ndarray]) -> meshio.Mesh:
     """A vertex a contact, with its wires (contact, 2) and the `data` [contact]."""
     data = {**data, "wire_a": wires[:, 0].astype(np.int32), "wire_b": wires[:, 1].astype(np.int32)}
     vertices = [("vertex", np.arange(len(position))[:, None])]

@@ -30,23 +30,11 @@ from ..runner.history import mean_tension
 from ..runner.progress_display import Display
 from ..scene import Scene, Stage
 from ..solve.model import build_model
+from . import equal_tension
 from .card_files import CARD, ahead_of_card
 from .contact_map import MapRow, Optimum, find_jumps, find_optimum, levels_of_pairs
 from .curves import tension_strain
-from .equal_tension import (
-    LEFT,
-    EqualTensionPath,
-    branches_at,
-    is_other,
-    jump_text,
-    largest_equal_tension,
-    load_equally,
-    map_cell,
-    service_points,
-    two_equilibria,
-    unreached_text,
-    with_state_at,
-)
+from .equal_tension import EqualTensionPath
 from .fe_codes import CODES
 from .findings import Findings
 from .heat import heat, later_temperatures, tension_held
@@ -146,7 +134,7 @@ def write_report(
     model, meshes = build_model(scene), meshes_of(scene)
     is_one = len(meshes.own) == 1
     weft, warp = (max(row[f"strain_{side}"] or 0.0 for row in rows) for side in ("weft", "warp"))
-    largest = largest_equal_tension(rows)
+    largest = equal_tension.largest_equal_tension(rows)
     monitor = begin("tension-strain curves")
     kept = read_states(scene, out)
     curves, path = kept.curves, kept.path
@@ -156,11 +144,11 @@ def write_report(
     optimum = find_optimum(rows, scene.wire.yield_stress, jumps)
     monitor = begin("equal tensions")
     if not path.rows and (largest > 0.0 or tension is not None):
-        path = load_equally(meshes, largest, part_of(monitor, 0, 2))
+        path = equal_tension.load_equally(meshes, largest, part_of(monitor, 0, 2))
     if (curves, path) != (kept.curves, kept.path):
         write_states(scene, out, KeptStates(curves, path))
     if tension is not None:
-        path = with_state_at(meshes, path, tension, part_of(monitor, 1, 2))
+        path = equal_tension.with_state_at(meshes, path, tension, part_of(monitor, 1, 2))
     path_jumps = jumps_under_tension(meshes.first, path.rows) if is_one else []
     answers = None if len(path.rows) < 2 else answers_of(meshes.first, path.rows, path_jumps)
     monitor = begin("material card")
@@ -169,7 +157,7 @@ def write_report(
     if card is not None and tension is not None:
         yields = None if answers is None else answers.first_yield_interior
         card = replace(card, ahead=ahead_of_card(card, yields, path_jumps))
-    service = service_points(scene, path, path_jumps, tension, card if is_one else None)
+    service = equal_tension.service_points(scene, path, path_jumps, tension, card if is_one else None)
     best = None if answers is None else answers.best
     held = tension_held(path, tension, None if best is None else mean_tension(best))
     heated, no_heat = heat(scene, meshes, path, held, begin("heat"))
@@ -230,7 +218,7 @@ def _card(
     """
     row = None if tension is None else path.at.get(tension)
     if tension is not None:
-        text, cell = f"{exact(tension, 'N/m')} in both directions", map_cell(cells, tension)
+        text, cell = f"{exact(tension, 'N/m')} in both directions", equal_tension.map_cell(cells, tension)
     elif optimum is not None:
         text, cell = "the optimum of the map", next(one for one in cells if one.load == optimum.load)
     else:
@@ -244,7 +232,7 @@ def _card(
             rows = list(way.rows(*_way_to(scene, cell), lambda share: monitor(WAY * share)))
             jumps = passed = jumps_of(meshes.first, rows) if len(meshes.own) == 1 else []
         else:
-            raise Diverged(unreached_text(scene, path, tension or 0.0))
+            raise Diverged(equal_tension.unreached_text(scene, path, tension or 0.0))
         found = find_mean(meshes, way.states, tension, lambda share: monitor(WAY + (1.0 - WAY) * share))
     except Diverged as error:
         again = "" if tension is not None else ", which was not found again"
@@ -258,12 +246,14 @@ def _card(
     if len(meshes.own) > 1:
         return found, text, rows
     card = found.card
-    left = row is not None and is_other(card.row, row)
+    left = row is not None and equal_tension.is_other(card.row, row)
+    branch = ""
     if tension is not None:
-        branch = branches_at(tension, row, cells, card)
-    else:
-        branch = "" if cell is None or cell.variants > 1 else two_equilibria(text, card.row, "on the card", cell, "in the map")
-    jumped = "; ".join(part for part in (jump_text(passed), f"its state is {LEFT}" if left else "") if part)
+        branch = equal_tension.branches_at(tension, row, cells, card)
+    elif cell is not None and cell.variants == 1:
+        branch = equal_tension.two_equilibria(text, card.row, "on the card", cell, "in the map")
+    of_state = f"its state is {equal_tension.LEFT}" if left else ""
+    jumped = "; ".join(part for part in (equal_tension.jump_text(passed), of_state) if part)
     return replace(found, card=replace(card, jumps=jumped, branch=branch)), text, rows
 
 

@@ -116,7 +116,7 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
     from ..export.heat_figure import heat_figure
     from ..export.knit_figure import knit_figure
     from ..export.map_figure import Marks, map_figure
-    from ..export.mesh_figure import Peak, mesh_figure, state_title
+    from ..export.mesh_figure import mesh_figure, state_title
 
     weft, warp = axes_of(found.rows)
     optimum, limit = found.optimum, found.scene.wire.yield_stress
@@ -157,7 +157,7 @@ def _figures(found: Findings, folder: Path) -> dict[str, Path]:
     if (mesh := found.tensioned) is not None:
         frame = measure.frame(mesh, index=0, stage="card", load_factor=1.0, temperature=found.scene.stages[0].temperature)
         title = state_title(frame, measure.mesh_tension(mesh))
-        peak = Peak(measure.largest_stress(mesh), *peak_position(mesh).tolist())
+        peak = measure.largest_stress(mesh), *peak_position(mesh).tolist()
         draw["mesh"] = lambda path: mesh_figure(mesh.model.layout(), frame, path, title, yield_stress=limit, peak=peak)
     figures = {name: drawn(folder / f"report_{name}.png") for name, drawn in draw.items()}
     behind = {id(after) for case in found.heated for _, after in case.jumps}

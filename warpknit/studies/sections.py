@@ -19,18 +19,9 @@ from ..runner.answers_table import answer_findings
 from ..runner.strength import limit_text
 from ..runner.variants import Spread
 from ..scene import Scene
+from . import contact_map
 from .card import AGREEMENT
 from .card_files import card_values, card_warnings, definition, mesh_values, strength_values
-from .contact_map import (
-    MapRow,
-    Optimum,
-    drift_name,
-    drift_text,
-    jump_warning,
-    optimum_note,
-    optimum_warnings,
-    unconverged_warning,
-)
 from .curves import missing_points
 from .findings import Findings
 from .inputs import complete_openings, openings_per_length
@@ -195,7 +186,7 @@ def map_section(page: Page, found: Findings, figure: Path) -> None:
     if optimum is None:
         page.warning("No tensile load of the map has active contacts with the wire below its elastic limit.")
     else:
-        note = optimum_note(optimum.load, jumps, found_again=found.found_again)
+        note = contact_map.optimum_note(optimum.load, jumps, found_again=found.found_again)
         share = f"{percent(1.0 - optimum.stress_margin, 0)} of the {limit_text(scene)}"
         page.table([
             ("optimum strain, weft / warp", f"{percent(optimum.strain_weft)} / {percent(optimum.strain_warp)}{note}"),
@@ -203,7 +194,7 @@ def map_section(page: Page, found: Findings, figure: Path) -> None:
             ("active contacts", f"{percent(0.01 * optimum.active_percent)} of pairs"),
             ("largest wire stress", f"{engineering(optimum.stress_max_Pa, 'Pa')}, {share}"),
             *((line.name.strip().removeprefix("with "), line.text) for line in found.of_map),
-            *((drift_name(drift), drift_text(drift)) for drift in optimum.drift),
+            *((contact_map.drift_name(drift), contact_map.drift_text(drift)) for drift in optimum.drift),
         ])  # fmt: skip
     if outside:
         places = ", ".join(point.name for point in outside)
@@ -213,7 +204,7 @@ def map_section(page: Page, found: Findings, figure: Path) -> None:
         " below its elastic limit. The best tension above is under equal tensions: the middle of the widest range with the most"
         " active contacts. Use it for a mesh with the same tension in weft and warp."
     )
-    for warning in optimum_warnings(optimum, jumps):
+    for warning in contact_map.optimum_warnings(optimum, jumps):
         page.warning(warning)
     lines: list[tuple[str, ...]] = []
     for point in found.service:
@@ -231,12 +222,12 @@ def map_section(page: Page, found: Findings, figure: Path) -> None:
             f" mesh.{scatter_text(found.rows, optimum)}"
         )
     page.text(f"The map has {found.sweep_text}.")
-    limits = (*unconverged_warning(found.rows, found.by_tension), *jump_warning(jumps, found.by_tension))
+    limits = (*contact_map.unconverged_warning(found.rows, found.by_tension), *contact_map.jump_warning(jumps, found.by_tension))
     for of_map in (*limits, *found.branch_notes):
         page.warning(of_map)
 
 
-def scatter_text(rows: Sequence[MapRow], optimum: Optimum | None) -> str:
+def scatter_text(rows: Sequence[contact_map.MapRow], optimum: contact_map.Optimum | None) -> str:
     """Scatter of single meshes at the optimum as a sentence after a space; or nothing."""
     row = next((row for row in rows if optimum is not None and row.load == optimum.load and row.variants > 1), None)
     if row is None:

@@ -40,25 +40,8 @@ from ..scene import Scene
 from ..scene.capabilities import refuse
 from ..solve.model import build_model
 from ..solve.variant_models import MOST_NODES, VariantModels
-from .contact_map import (
-    STEADY,
-    MapRow,
-    MapSummary,
-    Optimum,
-    Pair,
-    find_jumps,
-    find_optimum,
-    grid,
-    jump_warning,
-    levels_of_pairs,
-    map_row,
-    mean_map,
-    optimum_note,
-    optimum_warnings,
-    read_map,
-    unconverged_warning,
-    write_map,
-)
+from . import contact_map
+from .contact_map import STEADY, MapRow, Pair
 from .load_path import ends_of, knitted_worlds, share_done, with_frictions
 
 _log = logging.getLogger(__name__)
@@ -94,7 +77,7 @@ def run_map(
     progress: Display | None = None,
     command: str = "map",
     keep_states: bool = False,
-) -> CommandResult[MapSummary]:
+) -> CommandResult[contact_map.MapSummary]:
     """Run the sweep of `scene` into the directory `out`; command: for messages.
 
     keep_states: write the equilibria too, as in a run; mesh by mesh, its pairs line by line.
@@ -106,7 +89,7 @@ def run_map(
     refuse_large_patch(scene, "a map", "less")
     finished, keep = check_directory(out, "map", scene, resume=resume, force=force, command=command)
     if finished is not None:
-        return CommandResult(0, MapSummary.of(finished))
+        return CommandResult(0, contact_map.MapSummary.of(finished))
     variants = VariantModels(scene) if scene.variants.count > 1 else None
     first = build_model(scene) if variants is None else variants.of_place(0)  # raises before anything is removed
     needed, available = required_memory(first.scene, first.node_count), available_memory()
@@ -134,7 +117,7 @@ class _Mapper:
         self._interrupts = Interrupts()
         self._begin = self._saved = self._shown = time.perf_counter()
 
-    def run(self) -> CommandResult[MapSummary]:
+    def run(self) -> CommandResult[contact_map.MapSummary]:
         reason, code, message = "finished", 0, ""
         with self._interrupts.handled():
             try:
@@ -168,7 +151,7 @@ class _Mapper:
             return {} if means is None else {"spatial_model": Values(**vars(means), load=list(row.load), planar=planar)}
         return {}
 
-    def _frictions(self, optimum: Optimum | None) -> dict[str, Values]:
+    def _frictions(self, optimum: contact_map.Optimum | None) -> dict[str, Values]:
         """Means at the optimum with other frictions; an interrupt leaves them out."""
         if optimum is None or self.variants is None or not (meshes := with_frictions(self.variants)).again:
             return {}
@@ -181,7 +164,7 @@ class _Mapper:
             )
             for world, end in ends_of(simulation):
                 if isinstance(end, Record):
-                    row = map_row(optimum.load, end, steps=0, by_tension=self.sweep.by_tension)
+                    row = contact_map.map_row(optimum.load, end, steps=0, by_tension=self.sweep.by_tension)
                     found[list(models)[world]] = vars(row)
             rows = {mesh: rows.get(optimum.load) for mesh, rows in enumerate(self.maps)}
             found |= {mesh: vars(row) for mesh, row in rows.items() if row is not None and row.stop_reason == STEADY}
@@ -194,11 +177,11 @@ class _Mapper:
     @property
     def _levels(self) -> Iterator[tuple[Pair, int]]:
         """The pairs and the levels of each."""
-        return zip(self.pairs, levels_of_pairs(self.pairs, self.scene.levels), strict=True)
+        return zip(self.pairs, contact_map.levels_of_pairs(self.pairs, self.scene.levels), strict=True)
 
     @property
     def rows(self) -> list[MapRow]:
-        return mean_map([list(rows.values()) for rows in self.maps if rows])
+        return contact_map.mean_map([list(rows.values()) for rows in self.maps if rows])
 
     @property
     def model_warnings(self) -> list[ResultWarning]:
@@ -280,7 +263,7 @@ class _Mapper:
             mesh, pair = own[world]
             if self.keep_states and not isinstance(end, Diverged):
                 self._keep(mesh * len(self.pairs) + self.pairs.index(pair), end.observables)
-            self.maps[mesh][pair] = map_row(
+            self.maps[mesh][pair] = contact_map.map_row(
                 pair, end, steps=simulation.drives[world].progress.steps, by_tension=self.sweep.by_tension
             )
         self.steps = steps_before + simulation.steps
@@ -301,7 +284,7 @@ class _Mapper:
         return self.out / "variants" / f"map_{mesh:02d}.csv", self.out / "variants" / f"details_{mesh:02d}.csv"
 
     def _read(self, mesh: int) -> dict[Pair, MapRow]:
-        return {row.load: row for row in read_map(*self._paths(mesh))}
+        return {row.load: row for row in contact_map.read_map(*self._paths(mesh))}
 
     def _save(self) -> None:
         tables = [(self.rows, (self.out / "map.csv", self.out / "map_details.csv"))]
@@ -309,18 +292,18 @@ class _Mapper:
             tables += [(list(rows.values()), self._paths(mesh)) for mesh, rows in enumerate(self.maps) if rows]
         order = {pair: place for place, pair in enumerate(self.pairs)}
         for table, paths in tables:
-            write_map(sorted(table, key=lambda row: order[row.load]), *paths)
+            contact_map.write_map(sorted(table, key=lambda row: order[row.load]), *paths)
         self._saved = time.perf_counter()
 
-    def _summary(self, reason: str) -> MapSummary:
+    def _summary(self, reason: str) -> contact_map.MapSummary:
         wall = time.perf_counter() - self._begin
         rows, wire, scene, by_tension = self.rows, self.scene.wire, self.scene, self.sweep.by_tension
-        jumps = find_jumps(self.first, rows) if self.variants is None else []  # of means there are none
-        optimum = find_optimum(rows, wire.yield_stress, jumps)
+        jumps = contact_map.find_jumps(self.first, rows) if self.variants is None else []  # of means there are none
+        optimum = contact_map.find_optimum(rows, wire.yield_stress, jumps)
         warnings = [*self.model_warnings, *sweep_cautions(scene, self.first.cloth)]
-        warnings += [*unconverged_warning(rows, by_tension), *jump_warning(jumps, by_tension)]
-        warnings += self._missing_warning or optimum_warnings(optimum, jumps)
-        return MapSummary(
+        warnings += [*contact_map.unconverged_warning(rows, by_tension), *contact_map.jump_warning(jumps, by_tension)]
+        warnings += self._missing_warning or contact_map.optimum_warnings(optimum, jumps)
+        return contact_map.MapSummary(
             scene=Values(name=scene.name, hash=scene.hash),
             version=__version__,
             stop_reason=reason,
@@ -351,26 +334,26 @@ class _Mapper:
             jumps=jumps,
         )
 
-    def _draw(self, summary: MapSummary) -> None:
+    def _draw(self, summary: contact_map.MapSummary) -> None:
         from ..export.map_figure import Marks, map_figure
 
         scene, wire, rows, count = self.scene, self.scene.wire, self.rows, summary.variants
         weft, warp = self.sweep.axes
         load = None if summary.optimum is None else summary.optimum.load
         marks = Marks(
-            stress=grid(rows, "stress_max_Pa", weft, warp),
+            stress=contact_map.grid(rows, "stress_max_Pa", weft, warp),
             yield_stress=wire.yield_stress,
             is_assumed="wire.yield_stress" in scene.assumed,
             optimum=load,
             jumps=summary.jumps,
-            optimum_note=optimum_note(load, summary.jumps),
+            optimum_note=contact_map.optimum_note(load, summary.jumps),
         )
         scatter = f", mean of up to {count} meshes, loops scattered by {percent(scene.variants.scatter, 0)}" if count > 1 else ""
         ends = f"{wire.ends} x " if wire.ends > 1 else ""
         mesh = f"{scene.name}: {wire.material} {ends}{1e6 * wire.diameter:g} um, {scene.model.boundary}{scatter}"
         found = BY_TENSION if self.sweep.by_tension else BY_STRAIN
         for name, column, label, unit in FIGURES + found + (SPREAD_FIGURES if count > 1 else ()):
-            values = (PERCENT if unit == "%" else 1.0) * grid(rows, column, weft, warp)
+            values = (PERCENT if unit == "%" else 1.0) * contact_map.grid(rows, column, weft, warp)
             map_figure(
                 self.out / "figures" / f"{name}.png", weft, warp, values, title=mesh, label=label, unit=unit, marks=marks,
                 warnings=list(map(str, self.model_warnings + self._missing_warning)), by_tension=self.sweep.by_tension,

@@ -233,10 +233,9 @@ class _Study:
         )
 
     def _draw(self, own: Errors) -> None:
-        from ..export.trade_figure import Mark, trade_figure
+        from ..export.trade_figure import trade_figure
 
-        marks = [Mark(row.cost, astuple(row.errors), row.group, row.preset) for row in self._counted]
-        trade_figure(self.out / "figures" / "trade.png", marks, astuple(own), title=self.base.scene.name)
+        trade_figure(self.out / "figures" / "trade.png", self._counted, astuple(own), title=self.base.scene.name)
 
 
 def read_trade(path: Path) -> list[TradeRow]:

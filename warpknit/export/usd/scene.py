@@ -4,9 +4,8 @@ import errno
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-from numpy.typing import NDArray
+import numpy as np
 from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
 from warpknit.base.files import path_aside
@@ -156,7 +155,7 @@ def _light_and_camera(stage: Usd.Stage) -> None:
     key.AddRotateXYZOp().Set(Gf.Vec3f(-35.0, 25.0, 0.0))
 
 
-def place_camera(layer: Sdf.Layer, low: NDArray[Any], high: NDArray[Any]) -> None:
+def place_camera(layer: Sdf.Layer, low: np.ndarray, high: np.ndarray) -> None:
     """Look down on the technical face, with all frames in view; weft to the right, a margin of a tenth."""
     centre, size = 0.5 * (low + high), high - low
     aperture, focal_length, aspect = 24.0, 50.0, 4.0 / 3.0

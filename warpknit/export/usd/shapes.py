@@ -7,7 +7,6 @@ from collections.abc import Container, Mapping
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 COLOURS = 256  # entries of the table
@@ -25,7 +24,7 @@ POINT3, EXTENT, FLOATS, INTS = (
 )
 COLOUR_INDEX = "primvars:displayColor:indices"
 Attributes: TypeAlias = Mapping[str, tuple[Any, str]]  # name -> type, interpolation of a primvar
-Values: TypeAlias = dict[str, NDArray[Any]]
+Values: TypeAlias = dict[str, np.ndarray]
 MOVING: Mapping[str, Attributes] = {
     "Wires": {
         "points": (POINT3, ""),
@@ -64,13 +63,13 @@ MOVING: Mapping[str, Attributes] = {
 # --- what moves: attribute -> value -----------------------------------------------------------------------------------
 
 
-def wire_values(points: NDArray[Any], stress: NDArray[Any], width: float, stress_max: float | None) -> Values:
+def wire_values(points: np.ndarray, stress: np.ndarray, width: float, stress_max: float | None) -> Values:
     """`points` [point, 3] [mm] from the tile's origin and `stress` [point] [Pa], both float32."""
     values = {"points": points, "extent": _extent(points, width), "primvars:warpknit:stress": stress}
     return values if stress_max is None else values | {COLOUR_INDEX: _colour_index(stress, stress_max)}
 
 
-def contact_values(points: NDArray[Any], force: NDArray[Any], active: NDArray[Any], width: float) -> Values:
+def contact_values(points: np.ndarray, force: np.ndarray, active: np.ndarray, width: float) -> Values:
     """`points` [body, 3] [mm] from the tile's origin, `force` [body, 2] [N] and `active` [body, 2] of its two pairs."""
     pairs = active.sum(axis=1)
     return {
@@ -85,7 +84,7 @@ def contact_values(points: NDArray[Any], force: NDArray[Any], active: NDArray[An
     }
 
 
-def elsewhere_values(points: NDArray[Any], force: NDArray[Any], wires: NDArray[Any], width: float) -> Values:
+def elsewhere_values(points: np.ndarray, force: np.ndarray, wires: np.ndarray, width: float) -> Values:
     """`points` [contact, 3] [mm] from the tile's origin, `force` [contact] [N] and `wires` [contact, 2] of a record.
 
     In place of none a point of no width and no wires, -1: Cycles of Blender 5.0 ends at points that are empty.
@@ -102,30 +101,28 @@ def elsewhere_values(points: NDArray[Any], force: NDArray[Any], wires: NDArray[A
     }
 
 
-def surface_values(
-    points: NDArray[Any], stress: NDArray[Any], share: NDArray[Any], width: float, stress_max: float | None
-) -> Values:
+def surface_values(points: np.ndarray, stress: np.ndarray, share: np.ndarray, width: float, stress_max: float | None) -> Values:
     """Values of `points` [vertex, 3] [mm] from the sheet's origin, `stress` [Pa] and `share` [%] of faces."""
     return wire_values(points, stress, width, stress_max) | {"primvars:warpknit:activeShare": share}
 
 
-def stress_colour(stress: NDArray[Any], stress_max: float) -> NDArray[np.float32]:
+def stress_colour(stress: np.ndarray, stress_max: float) -> np.ndarray:
     """Linear RGB [point, 3] of a stress, from gold at zero to dark violet at `stress_max`."""
     return np.asarray(_stress_table()[_colour_index(stress, stress_max)])
 
 
-def _stress_table() -> NDArray[np.float32]:
+def _stress_table() -> np.ndarray:
     last = len(STRESS_COLOURS) - 1
     place = np.linspace(0.0, last, COLOURS)
     channels = [np.interp(place, np.arange(last + 1), channel) for channel in STRESS_COLOURS.T]
     return np.ascontiguousarray(np.stack(channels, axis=1).astype(np.float32))
 
 
-def _colour_index(stress: NDArray[Any], stress_max: float) -> NDArray[np.int32]:
+def _colour_index(stress: np.ndarray, stress_max: float) -> np.ndarray:
     return np.minimum(np.abs(stress) * ((COLOURS - 1) / stress_max) + 0.5, COLOURS - 1).astype(np.int32)
 
 
-def _extent(points: NDArray[np.float32], width: float) -> NDArray[np.float32]:
+def _extent(points: np.ndarray, width: float) -> np.ndarray:
     """Bounds of points [mm] that are drawn `width` [mm] wide."""
     pad, columns = np.float32(0.5 * width), np.ascontiguousarray(points.T)  # minima along rows are many times faster
     return np.stack([columns.min(axis=1) - pad, columns.max(axis=1) + pad])
@@ -158,7 +155,7 @@ def author(layer: Sdf.Layer, prim: Sdf.Path, values: Values, time: int | None = 
 
 
 def define_wires(
-    stage: Usd.Stage, path: Sdf.Path, wires: NDArray[Any], counts: NDArray[Any], width: NDArray[Any], *, shows_stress: bool
+    stage: Usd.Stage, path: Sdf.Path, wires: np.ndarray, counts: np.ndarray, width: np.ndarray, *, shows_stress: bool
 ) -> UsdGeom.Gprim:
     """width [wire] [mm]"""
     curves = UsdGeom.BasisCurves.Define(stage, path)
@@ -174,9 +171,7 @@ def define_wires(
     return curves
 
 
-def define_contacts(
-    stage: Usd.Stage, path: Sdf.Path, bodies: NDArray[Any], body_wires: NDArray[Any], width: float
-) -> UsdGeom.Gprim:
+def define_contacts(stage: Usd.Stage, path: Sdf.Path, bodies: np.ndarray, body_wires: np.ndarray, width: float) -> UsdGeom.Gprim:
     contacts = UsdGeom.Points.Define(stage, path)
     contacts.CreateIdsAttr(Vt.Int64Array.FromNumpy(np.ascontiguousarray(bodies, dtype=np.int64)))
     _set_width(contacts, width)
@@ -193,7 +188,7 @@ def define_elsewhere(stage: Usd.Stage, path: Sdf.Path) -> UsdGeom.Gprim:
 
 
 def define_surface(
-    stage: Usd.Stage, path: Sdf.Path, face_vertices: NDArray[Any], pair_counts: NDArray[Any], *, shows_stress: bool
+    stage: Usd.Stage, path: Sdf.Path, face_vertices: np.ndarray, pair_counts: np.ndarray, *, shows_stress: bool
 ) -> UsdGeom.Gprim:
     mesh = UsdGeom.Mesh.Define(stage, path)
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
@@ -220,5 +215,5 @@ def _set_primvar(shape: UsdGeom.Gprim, name: str, interpolation: str, values: Vt
     UsdGeom.PrimvarsAPI(shape).CreatePrimvar(name, INTS, interpolation).Set(values)
 
 
-def _ints(values: NDArray[Any]) -> Vt.IntArray:
+def _ints(values: np.ndarray) -> Vt.IntArray:
     return Vt.IntArray.FromNumpy(np.ascontiguousarray(values, dtype=np.int32))

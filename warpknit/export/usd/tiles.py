@@ -15,10 +15,8 @@ of u over its faces says.
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warpknit.results.frame import WireLayout
 
@@ -33,12 +31,12 @@ STRIDE = 8  # points that are kept lie no farther apart
 class Thinning:
     """Kept points of curves."""
 
-    kept: NDArray[np.int32]  # [kept point] among the points of the curves
-    first: NDArray[np.int32]  # [kept point] the first of the points that it stands for
-    counts: NDArray[np.int64]  # [curve] kept points
+    kept: np.ndarray  # [kept point] among the points of the curves
+    first: np.ndarray  # [kept point] the first of the points that it stands for
+    counts: np.ndarray  # [curve] kept points
 
     @classmethod
-    def of(cls, point_counts: NDArray[Any]) -> "Thinning":
+    def of(cls, point_counts: np.ndarray) -> "Thinning":
         """Thinning of consecutive curves with these numbers of points, three or more [curve]."""
         counts = np.maximum(3, 1 - (1 - point_counts) // STRIDE)
         start = np.cumsum(point_counts) - point_counts
@@ -48,7 +46,7 @@ class Thinning:
         first = np.where(number > 0, (kept + np.roll(kept, 1) + 1) // 2, kept)
         return cls(kept.astype(np.int32), first.astype(np.int32), counts)
 
-    def largest(self, values: NDArray[Any]) -> NDArray[Any]:
+    def largest(self, values: np.ndarray) -> np.ndarray:
         """Largest of `values` [point] around each kept point [kept point]."""
         return np.maximum.reduceat(values, self.first)
 
@@ -58,27 +56,27 @@ class Tile:
     """Whole wires, and the bodies whose first wire is among them."""
 
     name: str  # Tile_ii_jj: column ii along the weft, band jj along the warp
-    wires: NDArray[np.int64]  # rising
-    points: NDArray[np.int64]  # [point of the tile] among all drawn curves
-    point_counts: NDArray[np.int64]  # [wire of the tile] points of the drawn curve
-    bodies: NDArray[np.int64]
-    origin: NDArray[np.float64]  # [3] [mm] near the middle, so that float32 is fine enough for what lies around it
+    wires: np.ndarray  # rising
+    points: np.ndarray  # [point of the tile] among all drawn curves
+    point_counts: np.ndarray  # [wire of the tile] points of the drawn curve
+    bodies: np.ndarray
+    origin: np.ndarray  # [3] [mm] near the middle, so that float32 is fine enough for what lies around it
 
     @cached_property
     def thinning(self) -> Thinning:
         """The points that are kept at the level k8."""
         return Thinning.of(self.point_counts)
 
-    def take(self, values: NDArray[Any]) -> NDArray[Any]:
+    def take(self, values: np.ndarray) -> np.ndarray:
         """The tile's part of `values` [point of all drawn curves, ...]."""
         return values[self.points]
 
-    def local(self, position: NDArray[Any]) -> NDArray[np.float32]:
+    def local(self, position: np.ndarray) -> np.ndarray:
         """[point, 3] [mm]  positions [m] from the tile's origin."""
         return (MILLIMETRES * position - self.origin).astype(np.float32)
 
 
-def cut_tiles(layout: WireLayout, position: NDArray[Any], points_per_tile: int = POINTS_PER_TILE) -> tuple[Tile, ...]:
+def cut_tiles(layout: WireLayout, position: np.ndarray, points_per_tile: int = POINTS_PER_TILE) -> tuple[Tile, ...]:
     """Cut the mesh into tiles of about `points_per_tile` points; `position` [point, 3] [m]: of its drawn curves."""
     points, start = np.diff(layout.curve_start), layout.curve_start[:-1]
     low, high = np.minimum.reduceat(position, start), np.maximum.reduceat(position, start)  # [wire, 3]
@@ -109,7 +107,7 @@ def cut_tiles(layout: WireLayout, position: NDArray[Any], points_per_tile: int =
     return tuple(tiles)
 
 
-def _shares(place: NDArray[Any], points: NDArray[Any], count: int) -> NDArray[np.int64]:
+def _shares(place: np.ndarray, points: np.ndarray, count: int) -> np.ndarray:
     """Share [wire] of each wire, among `count` with similar numbers of points along `place`."""
     order = np.argsort(place, kind="stable")
     share = np.empty(place.size, dtype=np.int64)
@@ -130,7 +128,7 @@ class Sheet:
     """
 
     def __init__(
-        self, points: NDArray[Any], bodies: NDArray[Any], size: NDArray[Any], deformation: NDArray[Any], repeats: NDArray[Any]
+        self, points: np.ndarray, bodies: np.ndarray, size: np.ndarray, deformation: np.ndarray, repeats: np.ndarray
     ) -> None:
         back = np.linalg.inv(deformation).T
         rest, body_rest = points @ back, bodies @ back
@@ -138,7 +136,7 @@ class Sheet:
         low = 0.5 * (rest.min(axis=0) + rest.max(axis=0) - size)  # loops reach a little beyond the edges
         columns, rows = _face_counts(repeats, size, bodies.shape[0])
 
-        def cell_of(place: NDArray[Any]) -> NDArray[Any]:
+        def cell_of(place: np.ndarray) -> np.ndarray:
             column, row = (
                 np.clip(((place[:, axis] - low[axis]) * (count / size[axis])).astype(np.int64), 0, count - 1)
                 for axis, count in ((0, columns), (1, rows))
@@ -169,7 +167,7 @@ class Sheet:
     def face_count(self) -> int:
         return int(self.face_vertices.shape[0])
 
-    def position(self, points: NDArray[Any], deformation: NDArray[Any]) -> NDArray[np.float64]:
+    def position(self, points: np.ndarray, deformation: np.ndarray) -> np.ndarray:
         """[vertex, 3]  where the sheet is when the wire points lie at `points` [point, 3]."""
         mean = self._means(points)
         mean[:, :2] -= self._rest_mean @ deformation.T
@@ -177,25 +175,25 @@ class Sheet:
         moved[:, :2] += self._vertex_rest @ deformation.T
         return moved
 
-    def largest(self, values: NDArray[Any]) -> NDArray[Any]:
+    def largest(self, values: np.ndarray) -> np.ndarray:
         """[face]  the largest of `values` [point]."""
         return np.maximum.reduceat(values[self._order], self._first)
 
-    def active_percent(self, pair_active: NDArray[Any]) -> NDArray[np.float64]:
+    def active_percent(self, pair_active: np.ndarray) -> np.ndarray:
         """[face]  share of its pairs that are active, 0 where it has none; `pair_active` [pair], two a body."""
         inside = self._body_face >= 0
         active = pair_active.reshape(-1, 2).sum(axis=1)[inside]
         count = np.bincount(self._body_face[inside], active, minlength=self.face_count)
         return 100.0 * count / np.maximum(self.pair_counts, 1)
 
-    def _means(self, values: NDArray[Any]) -> NDArray[np.float64]:
+    def _means(self, values: np.ndarray) -> np.ndarray:
         """[face, k]  mean of `values` [point, k]."""
         counts = np.diff(self._first, append=self._order.size)
         sums = [np.add.reduceat(column[self._order].astype(np.float64), self._first) for column in values.T]
         return np.stack(sums, axis=1) / counts[:, None]
 
 
-def _face_counts(repeats: NDArray[Any], size: NDArray[Any], bodies: int) -> tuple[int, int]:
+def _face_counts(repeats: np.ndarray, size: np.ndarray, bodies: int) -> tuple[int, int]:
     """Faces along weft and warp."""
     if not np.all(repeats):
         edge = math.sqrt(size[0] * size[1] / max(1.0, bodies / BODIES_A_FACE))

@@ -1,6 +1,5 @@
 """`StageWriter`: frames in, a stage on the disk that is whole at any time."""
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,34 +8,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from warpknit.export.run_record import RunRecord
-from warpknit.export.usd.scene import (
-    CONTACTS,
-    FRAMES,
-    FULL,
-    K8,
-    MANIFEST,
-    SURFACE,
-    TOPOLOGY,
-    frame_file,
-    new_scene,
-    place_camera,
-    set_clips,
-    set_units,
-    write_layer,
-)
-from warpknit.export.usd.shapes import (
-    Values,
-    author,
-    contact_values,
-    declare,
-    define_contacts,
-    define_elsewhere,
-    define_surface,
-    define_wires,
-    elsewhere_values,
-    surface_values,
-    wire_values,
-)
+from warpknit.export.usd import scene, shapes
 from warpknit.export.usd.tiles import MILLIMETRES, POINTS_PER_TILE, Sheet, cut_tiles
 from warpknit.results.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
 
@@ -60,7 +32,7 @@ class StageWriter:
 
     def __init__(
         self,
-        directory: str | os.PathLike[str],
+        directory: Path,
         layout: WireLayout,
         *,
         scene_name: str,
@@ -74,7 +46,7 @@ class StageWriter:
             raise ValueError(f"colour_stress_max: {colour_stress_max} is not a positive stress in Pa")
         if np.any(np.diff(layout.curve_start) < 3):
             raise ValueError("layout: a wire needs three points or more")
-        self.directory = Path(directory)
+        self.directory = directory
         self.path = self.directory / "scene.usda"
         self.layout = layout
         self._colour_stress_max = colour_stress_max
@@ -116,13 +88,13 @@ class StageWriter:
             self._begin(frame)
         is_full = not self._full or frame.load_factor == 1.0
         is_full |= self._full_every > 0 and frame.index % self._full_every == 0
-        path = self.directory / FRAMES / frame_file(frame.index)
+        path = self.directory / scene.FRAMES / scene.frame_file(frame.index)
         layer = Sdf.Layer.CreateAnonymous(path.name)
-        layer.defaultPrim = FULL if is_full else K8
+        layer.defaultPrim = scene.FULL if is_full else scene.K8
         with Sdf.ChangeBlock():
             for prim, values in self._values(frame, is_full).items():
-                author(layer, prim, values, frame.index)
-        write_layer(layer, path)
+                shapes.author(layer, prim, values, frame.index)
+        scene.write_layer(layer, path)
         self._loads[frame.index] = {"stage": frame.stage, **{name: getattr(frame, source) for name, source in LOADS.items()}}
         if is_full:
             self._full.append(frame.index)
@@ -140,7 +112,7 @@ class StageWriter:
         self.directory.mkdir(parents=True, exist_ok=True)
         self.path.unlink(missing_ok=True)
         for pattern in ("wires.[0-9]*.usdc", ".wires.*.partial.usdc"):
-            for path in (self.directory / FRAMES).glob(pattern):
+            for path in (self.directory / scene.FRAMES).glob(pattern):
                 path.unlink()
         position, layout = curve_position(self.layout, frame), self.layout
         self._tiles = cut_tiles(layout, position, self._points_per_tile)
@@ -149,16 +121,16 @@ class StageWriter:
         self._sheet = Sheet(kept[:, :2], bodies, size, frame.deformation, layout.repeats)
         self._sheet_origin = np.round(0.5 * (kept.min(axis=0) + kept.max(axis=0)), 3)  # [mm]
         pose = self._values(frame, is_full=True)
-        write_layer(self._topology(pose), self.directory / TOPOLOGY)
+        scene.write_layer(self._topology(pose), self.directory / scene.TOPOLOGY)
         manifest = Sdf.Layer.CreateAnonymous("manifest.usda")
-        manifest.defaultPrim = FULL
+        manifest.defaultPrim = scene.FULL
         for prim, values in pose.items():
-            declare(manifest, prim, values)
-        write_layer(manifest, self.directory / MANIFEST)
+            shapes.declare(manifest, prim, values)
+        scene.write_layer(manifest, self.directory / scene.MANIFEST)
         name, scene_hash = self._metadata["sceneName"], self._metadata["sceneHash"]
-        self._scene = new_scene(self._tiles, name, scene_hash, shows_stress=self._colour_stress_max is not None)
+        self._scene = scene.new_scene(self._tiles, name, scene_hash, shows_stress=self._colour_stress_max is not None)
 
-    def _values(self, frame: Frame, is_full: bool) -> dict[Sdf.Path, Values]:
+    def _values(self, frame: Frame, is_full: bool) -> dict[Sdf.Path, shapes.Values]:
         """Moving values of one frame, tile by tile and then the sheet; the bounds of the stage grow with them."""
         layout, limit = self.layout, self._colour_stress_max
         width, marker = layout.diameter * MILLIMETRES, self._marker_width
@@ -168,66 +140,68 @@ class StageWriter:
         for tile in self._tiles:
             points, tile_stress = tile.local(tile.take(position)), tile.take(stress).astype(np.float32)
             if is_full:
-                found[_prim(FULL, tile.name, "Wires")] = wire_values(points, tile_stress, width, limit)
+                found[_prim(scene.FULL, tile.name, "Wires")] = shapes.wire_values(points, tile_stress, width, limit)
             points, tile_stress = points[tile.thinning.kept], tile.thinning.largest(tile_stress)
-            found[_prim(K8, tile.name, "Wires")] = wire_values(points, tile_stress, width, limit)
+            found[_prim(scene.K8, tile.name, "Wires")] = shapes.wire_values(points, tile_stress, width, limit)
             kept.append((points + tile.origin, tile_stress))
             if tile.bodies.size:
                 points = tile.local(frame.body_position[tile.bodies])
-                values = contact_values(points, force[tile.bodies], active[tile.bodies], marker)
-                found[_prim(CONTACTS, tile.name, "Contacts")] = values
+                values = shapes.contact_values(points, force[tile.bodies], active[tile.bodies], marker)
+                found[_prim(scene.CONTACTS, tile.name, "Contacts")] = values
             if layout.in_space:
                 mine = np.isin(frame.elsewhere_wires[:, 0], tile.wires)
                 points, wires = tile.local(frame.elsewhere_position[mine]), frame.elsewhere_wires[mine]
-                values = elsewhere_values(points, frame.elsewhere_force[mine], wires, marker)
-                found[_prim(CONTACTS, tile.name, "ContactsElsewhere")] = values
+                values = shapes.elsewhere_values(points, frame.elsewhere_force[mine], wires, marker)
+                found[_prim(scene.CONTACTS, tile.name, "ContactsElsewhere")] = values
         points, tile_stress = map(np.concatenate, zip(*kept, strict=True))
         place = (self._sheet.position(points, frame.deformation) - self._sheet_origin).astype(np.float32)
         share = self._sheet.active_percent(frame.pair_active)
-        found[_prim(SURFACE, "Surface")] = surface_values(place, self._sheet.largest(tile_stress), share, width, limit)
+        found[_prim(scene.SURFACE, "Surface")] = shapes.surface_values(
+            place, self._sheet.largest(tile_stress), share, width, limit
+        )
         self._low = np.minimum(self._low, MILLIMETRES * position.min(axis=0) - 0.5 * marker)
         self._high = np.maximum(self._high, MILLIMETRES * position.max(axis=0) + 0.5 * marker)
         return found
 
-    def _topology(self, pose: Mapping[Sdf.Path, Values]) -> Sdf.Layer:
+    def _topology(self, pose: Mapping[Sdf.Path, shapes.Values]) -> Sdf.Layer:
         """Static values, and the pose without a clip."""
         layer = Sdf.Layer.CreateAnonymous("topology.usdc")
         stage = Usd.Stage.Open(layer)
-        set_units(stage)
+        scene.set_units(stage)
         layout, shows_stress = self.layout, self._colour_stress_max is not None
         purpose = UsdGeom.Tokens.render if len(self._tiles) > 1 else UsdGeom.Tokens.default_
-        for part in (FULL, K8, CONTACTS, SURFACE):
+        for part in (scene.FULL, scene.K8, scene.CONTACTS, scene.SURFACE):
             UsdGeom.Xform.Define(stage, f"/{part}")
-        stage.SetDefaultPrim(stage.GetPrimAtPath(f"/{FULL}"))
+        stage.SetDefaultPrim(stage.GetPrimAtPath(f"/{scene.FULL}"))
         for tile in self._tiles:
-            for part in (FULL, K8, CONTACTS):
+            for part in (scene.FULL, scene.K8, scene.CONTACTS):
                 xform = UsdGeom.Xform.Define(stage, _prim(part, tile.name))
                 xform.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*tile.origin.tolist()))
             own = layout.wire_diameter[tile.wires] * MILLIMETRES
-            shapes = [
-                define_wires(stage, _prim(part, tile.name, "Wires"), tile.wires, counts, own, shows_stress=shows_stress)
-                for part, counts in ((FULL, tile.point_counts), (K8, tile.thinning.counts))
+            drawn = [
+                shapes.define_wires(stage, _prim(part, tile.name, "Wires"), tile.wires, counts, own, shows_stress=shows_stress)
+                for part, counts in ((scene.FULL, tile.point_counts), (scene.K8, tile.thinning.counts))
             ]
-            path, wires = _prim(CONTACTS, tile.name), layout.body_wires[tile.bodies]
+            path, wires = _prim(scene.CONTACTS, tile.name), layout.body_wires[tile.bodies]
             if tile.bodies.size:
-                shapes.append(define_contacts(stage, path.AppendChild("Contacts"), tile.bodies, wires, self._marker_width))
+                drawn.append(shapes.define_contacts(stage, path.AppendChild("Contacts"), tile.bodies, wires, self._marker_width))
             if layout.in_space:
-                shapes.append(define_elsewhere(stage, path.AppendChild("ContactsElsewhere")))
-            for shape in shapes:
+                drawn.append(shapes.define_elsewhere(stage, path.AppendChild("ContactsElsewhere")))
+            for shape in drawn:
                 shape.CreatePurposeAttr(purpose)
         faces, pairs = self._sheet.face_vertices, self._sheet.pair_counts
-        sheet = define_surface(stage, _prim(SURFACE, "Surface"), faces, pairs, shows_stress=shows_stress)
+        sheet = shapes.define_surface(stage, _prim(scene.SURFACE, "Surface"), faces, pairs, shows_stress=shows_stress)
         sheet.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*self._sheet_origin.tolist()))
         sheet.CreatePurposeAttr(UsdGeom.Tokens.proxy)
         for prim, values in pose.items():
-            author(layer, prim, values)
+            shapes.author(layer, prim, values)
         return layer
 
     def _write_scene(self, *, complete: bool) -> None:
         """Update frame list, time codes and camera, and write scene.usda."""
         layer, frames = self._scene, self.frames
         assert layer is not None
-        set_clips(layer, frames, self._full)
+        scene.set_clips(layer, frames, self._full)
         loads = {name: Vt.DoubleArray([load[name] for load in self._loads.values()]) for name in LOADS}
         layer.customLayerData = {
             "warpknit": {
@@ -238,8 +212,8 @@ class StageWriter:
                 "load": {"stage": Vt.StringArray([load["stage"] for load in self._loads.values()]), **loads},
             }
         }
-        place_camera(layer, self._low, self._high)
-        write_layer(layer, self.path)
+        scene.place_camera(layer, self._low, self._high)
+        scene.write_layer(layer, self.path)
 
 
 def _prim(*names: str) -> Sdf.Path:
