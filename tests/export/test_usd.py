@@ -10,7 +10,7 @@ import pytest
 from pxr import Gf, Plug, Usd, UsdGeom, UsdLux, UsdShade, UsdValidation
 
 from reference.stages import FLOAT32_STEP, prims, primvar, world_points, write
-from warpknit.export.usd.shapes import stress_colour
+from warpknit.export.usd.shapes import _colour_index, _stress_table
 from warpknit.export.usd.writer import StageWriter
 from warpknit.results.frame import Frame, WireLayout, curve_position
 
@@ -26,6 +26,10 @@ def frames(make_frame: Callable[..., Frame]) -> list[Frame]:
 @pytest.fixture
 def stage(tmp_path: Path, layout: WireLayout, frames: list[Frame]) -> Usd.Stage:
     return Usd.Stage.Open(str(write(tmp_path, layout, frames).path))
+
+
+def stress_colour(stress: np.ndarray, limit: float) -> np.ndarray:
+    return _stress_table()[_colour_index(stress, limit)]
 
 
 def check_frames(stage: Usd.Stage, layout: WireLayout, frames: list[Frame]) -> None:

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.usefixtures("pictures")
 
 @pytest.mark.parametrize("name", ["paper", "pillar", "inlaid pillar"])
 def test_figure_is_written(name, tmp_path):
-    path = knit_figure(cloth(name), FINE, tmp_path / "figures" / "knit.png", columns=2, rows=1)
+    path = knit_figure(cloth(name), FINE, tmp_path / "figures" / "knit.png")
     assert path.read_bytes().startswith(b"\x89PNG")
     assert [file.name for file in path.parent.iterdir()] == ["knit.png"]
 

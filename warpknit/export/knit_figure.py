@@ -14,18 +14,19 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from warpknit.base.text import counted
+from warpknit.export import plots
 from warpknit.export.plots import LineLook, copied, figure_of, frame_plan_axes, over_under, plan_scale, save_figure, tile_copies
 from warpknit.knit.cloth import CLASS_NAMES, Cloth
 
 MM = 1e3  # millimetres to a metre
+REPEATS = 2  # drawn each way
 LONG_SIDE, SHORT_SIDE = 8.0, 3.4  # [inch] of the mesh, and the least that its shorter side is given
 BESIDE = (0.9, 1.2)  # [inch] beside and below it: labels, title of the legend
 LEGEND_COLUMN, LEGEND_ROW = 2.1, 0.2  # [inch]
 LEGEND: dict[str, Any] = {"frameon": False, "fontsize": "small", "alignment": "left", "columnspacing": 1.0, "handlelength": 1.5}
 EVERY = 3  # samples of a thread to a piece of the drawn wire
 THINNEST = 1.2  # [pt] line that is still legible
-# Okabe and Ito's colours, distinct without red-green vision.
-BAR_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#606060", "#56B4E9")
+BAR_COLOURS = (plots.BLUE, plots.ORANGE, plots.GREEN, plots.PURPLE, plots.GREY, "#56B4E9")
 MARK_SIZE, MARK_SPACING = 7.0, 8.0  # [pt] of a contact, and between those at one place
 NEARLY = 1.0 - 1e-6
 EDGE_ROOM = 0.8  # of the size of a mark: from its middle to the edge of the picture
@@ -33,18 +34,12 @@ HALO = [withStroke(linewidth=2.5, foreground="white")]
 BODY_COLOUR, RHOMBUS_COLOUR = "#111111", "#B00058"
 
 
-def knit_figure(
-    cloth: Cloth,
-    thickness: float,
-    path: Path,
-    columns: int = 2,
-    rows: int = 2,
-) -> Path:
-    """Draw `columns` x `rows` repeats of a cloth to a PNG file.
+def knit_figure(cloth: Cloth, thickness: float, path: Path) -> Path:
+    """Draw REPEATS x REPEATS repeats of a cloth to a PNG file.
 
     thickness: of the yarn [m]. Lines are never thinner than legible, so a thin wire looks thicker than it is.
     """
-    size = np.array([columns, rows]) * cloth.size * MM
+    size = REPEATS * cloth.size * MM
     low, high, period = np.zeros(2), size, MM * np.diag(cloth.size)
     margin = 0.1 * size
     inches = LONG_SIDE / max(size)
@@ -68,7 +63,7 @@ def knit_figure(
         label = f"class {CLASS_NAMES[number]}: {counted(count, 'clasp')}, {2 * count} pairs"
         handles.append(Line2D([], [], label=label, **styles[-1]))
     if cloth.rhombus is not None:
-        middle = 0.5 * np.array([columns, rows]) * cloth.size
+        middle = 0.5 * REPEATS * cloth.size
         cell = np.round((middle - cloth.rhombus.opening.centre) / cloth.size)
         clasps = cloth.rhombus.clasps
         outline = (cloth.rhombus.opening.outline + cell * cloth.size) * MM
@@ -78,7 +73,7 @@ def knit_figure(
         rings.set_label(f"the {len(clasps)} clasps of one rhombus")
         handles += [rings, Patch(facecolor=RHOMBUS_COLOUR, alpha=0.12, label="its opening")]
 
-    title = f"{columns} x {rows} repeats of {cloth.wales} x {cloth.courses} stitches (wales x courses)"
+    title = f"{REPEATS} x {REPEATS} repeats of {cloth.wales} x {cloth.courses} stitches (wales x courses)"
     title += f"\n{cloth.wire_length * MM:.3g} mm of wire per loop ({cloth.stitch_length * MM:.3g} mm in plan view)"
     title += f"\nper repeat {counted(len(cloth.clasps), 'clasp')}, {2 * len(cloth.clasps)} pairs"
     title += "\na letter is midway between the two wires of its clasp"

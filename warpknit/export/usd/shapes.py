@@ -64,7 +64,7 @@ MOVING: Mapping[str, Attributes] = {
 
 
 def wire_values(points: np.ndarray, stress: np.ndarray, width: float, stress_max: float | None) -> Values:
-    """`points` [point, 3] [mm] from the tile's origin and `stress` [point] [Pa], both float32."""
+    """`points` [point, 3] [mm] from the origin of a tile or the sheet, and `stress` [point or face] [Pa], both float32."""
     values = {"points": points, "extent": _extent(points, width), "primvars:warpknit:stress": stress}
     return values if stress_max is None else values | {COLOUR_INDEX: _colour_index(stress, stress_max)}
 
@@ -101,17 +101,8 @@ def elsewhere_values(points: np.ndarray, force: np.ndarray, wires: np.ndarray, w
     }
 
 
-def surface_values(points: np.ndarray, stress: np.ndarray, share: np.ndarray, width: float, stress_max: float | None) -> Values:
-    """Values of `points` [vertex, 3] [mm] from the sheet's origin, `stress` [Pa] and `share` [%] of faces."""
-    return wire_values(points, stress, width, stress_max) | {"primvars:warpknit:activeShare": share}
-
-
-def stress_colour(stress: np.ndarray, stress_max: float) -> np.ndarray:
-    """Linear RGB [point, 3] of a stress, from gold at zero to dark violet at `stress_max`."""
-    return np.asarray(_stress_table()[_colour_index(stress, stress_max)])
-
-
 def _stress_table() -> np.ndarray:
+    """Linear RGB (colour, 3), from gold at no stress to dark violet at the largest."""
     last = len(STRESS_COLOURS) - 1
     place = np.linspace(0.0, last, COLOURS)
     channels = [np.interp(place, np.arange(last + 1), channel) for channel in STRESS_COLOURS.T]

@@ -163,10 +163,6 @@ class Sheet:
         self._body_face = np.where(cells[place] == body_cell, place, -1)
         self.pair_counts = 2 * np.bincount(self._body_face[self._body_face >= 0], minlength=cells.size)  # [face]
 
-    @property
-    def face_count(self) -> int:
-        return int(self.face_vertices.shape[0])
-
     def position(self, points: np.ndarray, deformation: np.ndarray) -> np.ndarray:
         """[vertex, 3]  where the sheet is when the wire points lie at `points` [point, 3]."""
         mean = self._means(points)
@@ -183,7 +179,7 @@ class Sheet:
         """[face]  share of its pairs that are active, 0 where it has none; `pair_active` [pair], two a body."""
         inside = self._body_face >= 0
         active = pair_active.reshape(-1, 2).sum(axis=1)[inside]
-        count = np.bincount(self._body_face[inside], active, minlength=self.face_count)
+        count = np.bincount(self._body_face[inside], active, minlength=len(self.pair_counts))
         return 100.0 * count / np.maximum(self.pair_counts, 1)
 
     def _means(self, values: np.ndarray) -> np.ndarray:

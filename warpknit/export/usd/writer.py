@@ -156,9 +156,8 @@ class StageWriter:
         points, tile_stress = map(np.concatenate, zip(*kept, strict=True))
         place = (self._sheet.position(points, frame.deformation) - self._sheet_origin).astype(np.float32)
         share = self._sheet.active_percent(frame.pair_active)
-        found[_prim(scene.SURFACE, "Surface")] = shapes.surface_values(
-            place, self._sheet.largest(tile_stress), share, width, limit
-        )
+        values = shapes.wire_values(place, self._sheet.largest(tile_stress), width, limit)
+        found[_prim(scene.SURFACE, "Surface")] = values | {"primvars:warpknit:activeShare": share}
         self._low = np.minimum(self._low, MILLIMETRES * position.min(axis=0) - 0.5 * marker)
         self._high = np.maximum(self._high, MILLIMETRES * position.max(axis=0) + 0.5 * marker)
         return found
