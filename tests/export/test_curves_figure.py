@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from reference.histories import history
 from reference.images import check_image
 from reference.in_words import quantities
-from warpknit.export import curves_figure, heat_figure
+from warpknit.export import curves_figure
 from warpknit.export.curve_axes import JUMP, draw_curves, stage_slices
 from warpknit.export.plots import scale_of
 from warpknit.results.row import columns_of
@@ -56,7 +56,7 @@ def test_unrecorded_columns_are_said(tmp_path: Path) -> None:
 def test_abscissa_is_what_varies(rows: list[dict[str, object]], label: str) -> None:
     columns = {name: np.array([row[name] for row in rows]) for name in rows[0] if name != "stage"}
     stages = stage_slices([str(row["stage"]) for row in rows])
-    values, given = curves_figure._abscissa(columns, stages, len(rows))
+    values, given = curves_figure._abscissa(columns, stages)
     assert given == label and np.all(np.diff(values) > 0.0)
 
 
@@ -77,14 +77,14 @@ def test_the_abscissa_is_the_tension_where_it_is_given() -> None:
         one.update(load_factor=k / 5.0, strain_weft=strain, strain_warp=strain)
         one.update(tension_weft_N_per_m=0.4 * k, tension_warp_N_per_m=0.4 * k)
     columns = columns_of(rows)
-    values, label = curves_figure._abscissa(columns, [("load", slice(0, 6))], 6)
+    values, label = curves_figure._abscissa(columns, [("load", slice(0, 6))])
     assert label == "tension, weft and warp [N/m]" and values == pytest.approx(0.4 * np.arange(6))
     cut = {name: values[:5] for name, values in columns.items()}  # it diverged behind 80 % of its load
-    assert curves_figure._abscissa(cut, [("load", slice(0, 5))], 5)[1] == "tension, weft and warp [N/m]"
+    assert curves_figure._abscissa(cut, [("load", slice(0, 5))])[1] == "tension, weft and warp [N/m]"
     columns["tension_warp_N_per_m"] *= 0.5
-    assert curves_figure._abscissa(columns, [("load", slice(0, 6))], 6)[1] == "mean tension of weft and warp [N/m]"
+    assert curves_figure._abscissa(columns, [("load", slice(0, 6))])[1] == "mean tension of weft and warp [N/m]"
     columns["strain_weft"] = 0.02 * np.arange(6.0)
-    assert "strain" in curves_figure._abscissa(columns, [("load", slice(0, 6))], 6)[1]
+    assert "strain" in curves_figure._abscissa(columns, [("load", slice(0, 6))])[1]
 
 
 def test_stages_at_different_temperatures_are_named_with_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -107,7 +107,7 @@ def test_curves_of_a_strain_that_goes_back_run_along_the_load() -> None:
         ([0.0, 0.01, 0.02, 0.03, 0.04], "strain, weft and warp [%]"),
     ):
         columns = {"strain_weft": np.array(strain), "strain_warp": np.array(strain), "load_factor": factor}
-        assert curves_figure._abscissa(columns, stages, 5)[1] == label
+        assert curves_figure._abscissa(columns, stages)[1] == label
 
 
 def test_a_line_over_a_jump_is_dotted_and_no_other() -> None:
@@ -191,8 +191,7 @@ def test_the_legend_has_a_jump_where_a_dotted_line_is_drawn(
 ) -> None:
     """Records 0 to 3 load the mesh, 4 to 7 cool it: their jump is in the figure of heat, and not in that of the load."""
     figures: list[Figure] = []
-    for module in (curves_figure, heat_figure):
-        monkeypatch.setattr(module, "save_figure", lambda figure, path: figures.append(figure) or path)
+    monkeypatch.setattr(curves_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
     rows = [row | {"jump": int(row["index"] == behind), "stress_max_Pa": 1e8} for row in history(4, cold=4)]
     for number, row in enumerate(rows[4:], 1):
         row |= {
@@ -201,7 +200,7 @@ def test_the_legend_has_a_jump_where_a_dotted_line_is_drawn(
             "strain_warp": 0.1 + 1e-4 * number,
         }
     curves_figure.curves_figure(columns_of(rows), tmp_path / "curves.png")
-    heat_figure.heat_figure([columns_of(rows)], tmp_path / "heat.png")
+    curves_figure.heat_figure([columns_of(rows)], tmp_path / "heat.png")
     for figure, mine in zip(figures, (2, 6), strict=True):
         assert bool(dotted_in(figure)) == (JUMP in names_of(figure)) == (behind == mine)
     if behind == 6:
@@ -212,13 +211,13 @@ def test_the_legend_has_a_jump_where_a_dotted_line_is_drawn(
 def test_a_jump_leaves_room_for_small_strains(jump: float, share: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Strains of 0.05 % before a jump of 5 % take a share of the height, in place of 1 %; all values are inside."""
     figures: list[Figure] = []
-    monkeypatch.setattr(heat_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
+    monkeypatch.setattr(curves_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
     base = history(1)[0]
     rows = [
         base | {"temperature_K": 293.15 - 20.0 * k, "strain_weft": 1e-4 * k + jump * (k > 5), "jump": int(k == 6 and jump > 0.0)}
         for k in range(11)
     ]
-    heat_figure.heat_figure([columns_of(rows)], tmp_path / "heat.png")
+    curves_figure.heat_figure([columns_of(rows)], tmp_path / "heat.png")
     panel = figures[0].axes[2]
     height = panel.transAxes.inverted().transform(panel.transData.transform([(0.0, 100.0 * row["strain_weft"]) for row in rows]))
     assert np.ptp(height[:6, 1]) > share and np.all((height[:, 1] >= 0.0) & (height[:, 1] <= 1.0))
@@ -228,11 +227,11 @@ def test_a_jump_leaves_room_for_small_strains(jump: float, share: float, tmp_pat
 def test_strains_that_are_held_are_not_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A mesh in a frame, alone and beside one under a held tension: nothing but the word, and the curves of the other one."""
     figures: list[Figure] = []
-    monkeypatch.setattr(heat_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
+    monkeypatch.setattr(curves_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
     framed = [row | {"temperature_K": 293.15 + 10.0 * k, "stage": "frame held"} for k, row in enumerate(history(1) * 4)]
     free = [row | {"strain_weft": 1e-4 * k, "stage": "tension held"} for k, row in enumerate(framed)]
     for histories, lines, words in (([framed], 0, ["held"]), ([free, framed], 2, [])):
-        heat_figure.heat_figure(list(map(columns_of, histories)), tmp_path / "heat.png")
+        curves_figure.heat_figure(list(map(columns_of, histories)), tmp_path / "heat.png")
         panel = figures[-1].axes[2]
         assert (
             sum(np.isfinite(line.get_ydata()).any() for line in panel.lines) == lines
@@ -244,9 +243,9 @@ def test_strains_that_are_held_are_not_drawn(tmp_path: Path, monkeypatch: pytest
 def test_change_of_strain_is_of_the_length_before_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From 25 % to 25.5 % a mesh grows by 0.5/1.25 = 0.4 % of its length, which is what expansion tells."""
     figures: list[Figure] = []
-    monkeypatch.setattr(heat_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
+    monkeypatch.setattr(curves_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
     rows = [history(1)[0] | {"temperature_K": 293.15 + 10.0 * k, "strain_weft": 0.25 + 1e-3 * k} for k in range(6)]
-    heat_figure.heat_figure([columns_of(rows)], tmp_path / "heat.png")
+    curves_figure.heat_figure([columns_of(rows)], tmp_path / "heat.png")
     assert np.asarray(figures[0].axes[2].lines[0].get_ydata()) == pytest.approx(0.08 * np.arange(6), abs=1e-9)
 
 
@@ -273,13 +272,13 @@ def test_the_residual_of_an_unloaded_mesh_does_not_flatten_the_others(
 
 def test_long_names_of_stages_are_inside_the_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     figures: list[Figure] = []
-    monkeypatch.setattr(heat_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
+    monkeypatch.setattr(curves_figure, "save_figure", lambda figure, path: figures.append(figure) or path)
     cases = ("-190 degC, tension held", "120 degC, tension held", "-190 degC, frame held", "120 degC, frame held")
     histories = [
         [row | {"stage": name, "temperature_K": 200.0 + 50.0 * k, "jump": k} for k, row in enumerate(history(2))]
         for name in cases
     ]
-    heat_figure.heat_figure(list(map(columns_of, histories)), tmp_path / "heat.png")
+    curves_figure.heat_figure(list(map(columns_of, histories)), tmp_path / "heat.png")
     figures[0].draw_without_rendering()
     box = figures[0].legends[0].get_window_extent()
     assert len(names_of(figures[0])) == 5 and figures[0].bbox.x0 <= box.x0 and box.x1 <= figures[0].bbox.x1

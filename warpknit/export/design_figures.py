@@ -138,10 +138,7 @@ def _tension_range(tension: np.ndarray, active: np.ndarray, answers: Values) -> 
 
 
 def tension_strain_figure(curves: Mapping[str, Columns], path: Path, *, yield_stress: float) -> Path:
-    """Tension in weft and warp against strain. `curves`: by load, with the columns of tension_strain.csv as arrays.
-
-    Lines over jumps are dotted.
-    """
+    """Draw the tensions against strain. curves: columns of tension_strain.csv by load; lines over jumps are dotted."""
     figure = figure_of(10.5, 3.9)
     panels = figure.subplots(1, len(curves), sharey=True)
     top = _top_tension(list(curves.values()), yield_stress)
@@ -238,10 +235,7 @@ def _handles(figure: Figure) -> list[Artist]:
 
 
 def openings_figure(circles: Sequence[tuple[str, float]], bands: Sequence[tuple[str, float]], path: Path) -> Path:
-    """Draw the largest circle in an opening over the wavelength, against frequency.
-
-    circles: label and diameter [m]. bands: name and frequency [Hz].
-    """
+    """Draw circles (label, diameter [m]) in openings over the wavelength, and bands (name, frequency [Hz])."""
     figure = figure_of(7.0, 4.0)
     axes = figure.subplots()
     frequency = np.geomspace(*FREQUENCIES, 60)

@@ -18,8 +18,7 @@ from matplotlib.patches import Polygon
 from matplotlib.tri import Triangulation
 from scipy.ndimage import distance_transform_edt
 
-from warpknit.export.curves_figure import curves_figure
-from warpknit.export.heat_figure import heat_figure
+from warpknit.export.curves_figure import curves_figure, heat_figure
 from warpknit.export.mesh_figure import mesh_figure, state_title
 from warpknit.export.plots import BLUE, GREEN, GREY, ORANGE, LineLook, figure_of, frame_plan_axes, plain, save_figure, scale_of
 from warpknit.export.run_record import RunRecord
@@ -34,10 +33,7 @@ FLAT = 1e-3  # [mm] heights and [um] deviations that differ by less are drawn al
 
 
 def panel_figure(tables: Mapping[str, Columns], path: Path, title: str) -> Path:
-    """Draw a panel's map, edge and surface: tables `map`, `edge` and `surface` of a state.
-
-    All of it is drawn as strained, from the middle of the panel.
-    """
+    """Draw the tables `map`, `edge` and `surface` of a panel, as strained, from its middle."""
     tiles, edge, surface = tables["map"], tables["edge"], tables.get("surface")
     scale, unit = scale_of("N/m", tiles["tension_weft_N_per_m"], tiles["tension_warp_N_per_m"])
     maps: list[tuple[np.ndarray, str, dict[str, Any]]] = [

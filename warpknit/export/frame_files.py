@@ -17,10 +17,7 @@ if TYPE_CHECKING:
 
 
 class FrameFiles:
-    """Writes frames into a directory, and into a stage where one is wanted.
-
-    `with` ends the thread after the frame it is at.
-    """
+    """Writes frames into a directory, and a stage if any. `with` ends the thread after the frame it is at."""
 
     def __init__(self, directory: Path, layout: WireLayout, stage: StageWriter | None) -> None:
         self._directory, self._layout, self._stage = directory, layout, stage

@@ -115,7 +115,6 @@ def mesh_figure(
 
 
 def _mark_count(layout: WireLayout, frame: Frame, shows_open: bool) -> int:
-    """Number of contacts that are drawn."""
     return int(layout.body_count if shows_open else np.count_nonzero(frame.body_active)) + frame.elsewhere_force.size
 
 
@@ -205,9 +204,7 @@ def _cells(size: np.ndarray, count: float, most: int) -> tuple[int, int]:
 
 
 def _cells_of_repeats(repeats: np.ndarray, size: np.ndarray, count: float, most: int) -> tuple[tuple[int, int], np.ndarray]:
-    """Rows and columns of a grid of whole repeats, and its size. Cells that cut repeats would show a
-    false pattern. About `count` square cells without a knit.
-    """
+    """Rows and columns of a grid of whole repeats (without a knit, about `count` square cells), and its size."""
     if not repeats.all():
         return _cells(size, count, most), size
     together = -(-int(repeats.max()) // most)
@@ -276,10 +273,7 @@ def _elsewhere(size: float) -> LineLook:
 
 
 def _spacing(position: np.ndarray, count: int) -> float:
-    """Mean distance [mm] of `count` contacts on the area of `position` (point, 2 or 3) [mm]; without bound where none is.
-
-    Contacts of a narrow strip stand in a row.
-    """
+    """Mean distance [mm] of `count` contacts at `position` [mm]; of none infinity. On a narrow strip they are in a row."""
     if not count:
         return math.inf
     size = np.ptp(position[:, :2], axis=0)

@@ -24,10 +24,7 @@ LEAST_LOSS = 1e-4  # [dB] drawn
 
 
 def tension_figure(rows: Columns, frequencies: Sequence[float], path: Path, title: str) -> Path:
-    """Draw the loss under tension against the mean tension, a curve for each frequency [Hz].
-
-    rows: columns of reflection.csv. Thin lines: all contacts open, and all closed.
-    """
+    """Draw the loss against the mean tension, at frequencies [Hz]. rows: of reflection.csv. Thin: contacts all open, closed."""
     tension = 0.5 * (rows["tension_weft_N_per_m"] + rows["tension_warp_N_per_m"])
     tight = np.minimum(rows["tension_weft_N_per_m"], rows["tension_warp_N_per_m"]) > 0.0
     scale, unit = scale_of("N/m", tension[tight])

@@ -81,7 +81,6 @@ def _points(position: np.ndarray, wires: np.ndarray, data: dict[str, np.ndarray]
 
 
 def _write_collection(path: Path, members: list[tuple[int, Path]]) -> Path:
-    """Write a ParaView collection with the files of a series and their times."""
     rows = [f'    <DataSet timestep="{index}" part="0" file={quoteattr(member.name)}/>' for index, member in members]
     with write_aside(path) as file:
         file.write('<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n')

@@ -69,8 +69,7 @@ class MeshCurrents:
         """The matrices at one wave number [1/m]: nearly all of the work of a frequency."""
         transverse = angles.transverse(k)
         kernel = self.kernel.regular(k, transverse)
-        spread = self._spread(transverse)
-        charge, current = spread.charge, spread.current
+        charge, current = self._spread(transverse)
         return StoredEnergy(
             inductance=current.conj().T @ ((kernel * self.alignment) @ current), potential=charge.conj().T @ (kernel @ charge)
         )
@@ -84,10 +83,10 @@ class MeshCurrents:
         The currents of the branches are eliminated once for all results.
         """
         transverse, b = angles.transverse(k), self.branch_count
-        spread = self._spread(transverse)
-        current = spread.current
+        _, current = self._spread(transverse)
+        length = sparse.diags_array(self.kernel.length * (np.arange(len(self.kernel.length)) < 2 * b))
         leaving = self._leaving(k, transverse, angles.phi, current)
-        impedance = stored.impedance(k) + wire * spread.length
+        impedance = stored.impedance(k) + wire * (current.conj().T @ length @ current).toarray()
         for wave in leaving:
             impedance += wave.resistance
         down = polarisations(k, transverse, DOWN, angles.phi)
@@ -130,8 +129,11 @@ class MeshCurrents:
         middle, vector = self.kernel.middle, self.kernel.vector
         return np.asarray(vector * (np.exp(1j * middle @ wave) * np.sinc(vector @ wave / (2.0 * np.pi)))[:, None])
 
-    def _spread(self, transverse: np.ndarray) -> _Spread:
-        """Spread of currents over pieces, with a transverse wave vector (2,) [1/m]."""
+    def _spread(self, transverse: np.ndarray) -> tuple[sparse.csr_array, sparse.csr_array]:
+        """Charges and currents (piece, current) of the pieces, with a transverse wave vector (2,) [1/m].
+
+        Charge per length times j w [1/m]; current in the middle of a piece.
+        """
         wires, b, c, pieces = self.wires, self.branch_count, self.contact_count, len(self.kernel.length)
         ends = np.concatenate([wires.branch_node, wires.contact_node])
         shift = np.concatenate([wires.branch_shift, wires.contact_shift])
@@ -143,17 +145,7 @@ class MeshCurrents:
         place = np.concatenate([halves, 2 * b + np.arange(c)]), np.concatenate([halves % b, b + np.arange(c)])
         fall = 0.5 * self.kernel.length * np.where(np.arange(pieces) < b, -1.0, 1.0)
         current = sparse.csr_array((np.ones(pieces), place), (pieces, b + c)) - sparse.diags_array(fall) @ charge
-        length = sparse.diags_array(self.kernel.length * (np.arange(pieces) < 2 * b))
-        return _Spread(charge.tocsr(), current.tocsr(), (current.conj().T @ length @ current).toarray())
-
-
-@dataclass(frozen=True, eq=False)
-class _Spread:
-    """Spread of currents over pieces."""
-
-    charge: sparse.csr_array  # (piece, current) [1/m] charge per length times j w
-    current: sparse.csr_array  # (piece, current) current in the middle of a piece
-    length: np.ndarray  # (current, current) [m] of wire, as it resists
+        return charge.tocsr(), current.tocsr()
 
 
 @dataclass(frozen=True, eq=False)

@@ -76,7 +76,6 @@ def repeat_of(layout: WireLayout, frame: Frame, wire: Wire, longest: float) -> R
 
 
 def _curves(layout: WireLayout, frame: Frame, cell: np.ndarray) -> Iterator[Polyline]:
-    """The drawn curve of each wire."""
     between = np.asarray(frame.between, dtype=float)
     for start, end, rest in zip(layout.wire_start[:-1], layout.wire_start[1:], layout.wire_closing, strict=True):
         points = np.asarray(frame.node_position, dtype=float)[start:end, None]

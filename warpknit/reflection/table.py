@@ -190,6 +190,5 @@ def least_tension(rows: Sequence[LossRow], limit: float) -> LossRow | None:
 
 
 def _losses(row: LossRow) -> str:
-    """The losses of both polarisations."""
     names = ("warp", "weft") if row.theta == row.phi == 0.0 else ("TE", "TM")
     return f"{row.loss_te_dB:.3f} dB {names[0]}, {row.loss_tm_dB:.3f} dB {names[1]}"

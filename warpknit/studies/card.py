@@ -219,7 +219,6 @@ def _along(onwards: np.ndarray, tensioned: np.ndarray) -> np.ndarray:
 
 
 def _card(base: Record, differences: _Differences, expansion: np.ndarray, history: History | None) -> MaterialCard:
-    """The card of a tensioned mesh."""
     state = base.observables
     weft, warp = (float(strain) for strain in np.diag(state.gradient) - 1.0)
     tension = measure.mesh_tension(state)
@@ -288,10 +287,7 @@ class _Near:
         return best
 
     def _slopes(self, sizes: Sequence[float], beside: Mapping[int, np.ndarray]) -> list[dict[int, _Slopes]]:
-        """Derivatives of stress (3, 3) and of energy by length factor (3,).
-
-        By E11, E22, 2 E12; for each size of a step.
-        """
+        """By E11, E22, 2 E12, for each size of a step: slopes of stress (3, 3), and of energy by length factor (3,)."""
         steps = {
             place: [stretch(size * (middle + sign * along)) for size in sizes for along in np.eye(3) for sign in (1.0, -1.0)]
             for place, middle in beside.items()

@@ -123,10 +123,7 @@ def _abaqus(fe: FeCard) -> Card:
 
 
 def _calculix(fe: FeCard) -> Card:
-    """CalculiX: *ELASTIC, TYPE=ENGINEERING CONSTANTS for its M3D elements, which are solids in plane stress.
-
-    Raises `NoConstants`.
-    """
+    """CalculiX: *ELASTIC, TYPE=ENGINEERING CONSTANTS for M3D elements, solids in plane stress. Raises `NoConstants`."""
     o = orthotropic(fe.card, GREEN)
     (e1, e2), shear = o.modulus, o.shear_modulus
     notes = [
@@ -142,10 +139,7 @@ def _calculix(fe: FeCard) -> Card:
 def _input_lines(
     fe: FeCard, o: Orthotropic, elastic: Sequence[str], *, zeros: str, section: str = "", expansion: str = ""
 ) -> list[str]:
-    """The linear material of Abaqus and CalculiX, after comments on its use.
-
-    Both count thermal strain from the initial temperature.
-    """
+    """The linear material of Abaqus and CalculiX. Both count thermal strain from the initial temperature."""
     s1, s2 = fe.prestress
     return [
         f"** *MEMBRANE SECTION, ELSET=..., MATERIAL={LINEAR}, ORIENTATION=...{section}",
@@ -164,7 +158,6 @@ def _input_lines(
 
 
 def _listed(*values: float) -> str:
-    """Values of a line, between commas."""
     return ", ".join(map(number, values))
 
 

@@ -63,10 +63,7 @@ def fit_loop_length(scene: Scene, wanted: float) -> Fitted:
 
 
 def fit_run_in(scene: Scene, wanted: tuple[float, ...]) -> Fitted:
-    """Loops of each bar with the wire length [m] a course: `wanted`, in the order of `knit.bars`.
-
-    Raises `InputError` if a length cannot be reached.
-    """
+    """Loops of each bar of `knit.bars` with the `wanted` length [m] a course. Raises `InputError` out of its range."""
     bars = scene.knit.bars
     if len(wanted) != len(bars):
         given = ", ".join(exact(length, "m") for length in wanted)
@@ -108,7 +105,6 @@ def _factor(scene: Scene, length: Callable[[float], float], low: float, high: fl
 
 
 def _with_bar(scene: Scene, bar: int, factor: float) -> Scene:
-    """The scene with the loops of one bar larger by a factor."""
     bars = list(scene.knit.bars)
     bars[bar] = replace(bars[bar], loop_scale=factor * bars[bar].loop_scale)
     return replace(scene, knit=replace(scene.knit, bars=tuple(bars)))

@@ -123,10 +123,7 @@ def meshes_of(scene: Scene) -> Meshes:
 
 
 def with_frictions(own: VariantModels) -> Meshes:
-    """The meshes that were taken, and with `variants.sensitivity` some of them with other frictions.
-
-    Raises `ModelError`, `KnitError`.
-    """
+    """The taken meshes, and by `variants.sensitivity` some with other frictions. Raises `ModelError`, `KnitError`."""
     models, again = {place: own.of_place(place) for place in range(len(own.taken))}, dict[int, tuple[str, int]]()
     for name, changed in (other_frictions(own.scene) if own.scene.variants.sensitivity else {}).items():
         other = VariantModels(changed, own.device)
@@ -202,10 +199,7 @@ def levels_of(followed: Mapping[int, Followed], meshes: Meshes) -> Iterator[dict
 
 
 class LoadPath:
-    """A load path of meshes, from the meshes as knitted or another path's states.
-
-    A mesh that does not converge is left out from there on.
-    """
+    """A load path from the meshes as knitted, or another path's states. It drops a mesh that does not converge."""
 
     def __init__(self, meshes: Meshes | Sequence[Mesh] | Mesh, states: Mapping[int, PathState] | None = None) -> None:
         """states: of another path of these meshes, by place; it may have had another tolerance."""

@@ -45,10 +45,7 @@ def openings(r: Observables) -> list[OpeningSize]:
 
 
 def openings_between(begins: np.ndarray, ends: np.ndarray, periods: np.ndarray, thickness: float) -> list[OpeningSize]:
-    """Openings between straight segments (segment, 2) [m], the largest first. They repeat by the columns of `periods` (2, 2).
-
-    thickness: of the wire [m].
-    """
+    """Openings between wires (segment, 2) of `thickness` [m] that repeat by the columns of `periods` (2, 2), largest first."""
     corners = periods @ np.array([[-1, 2, -1, 2], [-1, -1, 2, 2]])  # of nine tiles
     low, size = corners.min(axis=1), np.ptp(corners, axis=1)
     pitch = max(thickness / POINTS_ACROSS, float(np.sqrt(np.prod(size) / MAX_POINTS)))

@@ -108,7 +108,6 @@ def choose_setting(probe: ProbeRun, percent: float) -> tuple[Setting, Errors]:
 
 
 def _small(scene: Scene) -> Scene:
-    """The scene of the small mesh."""
     output = scene.output if scene.depends_on_path else replace(scene.output, frames=min(scene.output.levels, LEVELS))
     solver = replace(scene.solver, drive="relax")
     small = replace(scene, output=output, solver=solver)

@@ -112,8 +112,8 @@ def _page(found: Findings, figures: dict[str, Path]) -> sections.Page:
 
 
 def _figures(found: Findings, folder: Path) -> dict[str, Path]:
+    from ..export.curves_figure import heat_figure
     from ..export.design_figures import openings_figure, resistance_figure, tension_figure, tension_strain_figure
-    from ..export.heat_figure import heat_figure
     from ..export.knit_figure import knit_figure
     from ..export.map_figure import Marks, map_figure
     from ..export.mesh_figure import mesh_figure, state_title

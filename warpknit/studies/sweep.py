@@ -176,7 +176,6 @@ class _Mapper:
 
     @property
     def _levels(self) -> Iterator[tuple[Pair, int]]:
-        """The pairs and the levels of each."""
         return zip(self.pairs, contact_map.levels_of_pairs(self.pairs, self.scene.levels), strict=True)
 
     @property

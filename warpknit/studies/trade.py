@@ -247,7 +247,6 @@ def read_trade(path: Path) -> list[TradeRow]:
 
 
 def _repeats(row: TradeRow) -> int:
-    """Number of repeats of the mesh of a point."""
     return math.prod(int(part) for part in row.repeats.split("x"))
 
 
