@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from reference.images import check_image
 from reference.in_words import quantities
 from warpknit.export import mesh_figure
-from warpknit.export.plots import BLUE
+from warpknit.export.plots import BLUE, GREEN
 from warpknit.mechanics.driven_strain import TOLERANCE
 from warpknit.results.frame import Frame, WireLayout
 
@@ -161,7 +161,7 @@ def test_contacts_elsewhere_are_diamonds_where_there_are_some(
     [diamonds] = [line for line in lines if line.get_marker() == "D"]
     assert np.allclose(diamonds.get_xydata(), 1e3 * frame.elsewhere_position[:, :2], rtol=1e-12)
     assert diamonds.get_markerfacecolor() == "none"
-    dots = [line for line in lines if line.get_marker() == "o" and line.get_markeredgecolor() != mesh_figure.GREEN]
+    dots = [line for line in lines if line.get_marker() == "o" and line.get_markeredgecolor() != GREEN]
     assert len(dots) == 2 * bodies  # active, and open
     for line in dots:
         assert (line.get_markerfacecolor() != "none") == (line.get_zorder() > diamonds.get_zorder())

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from warpknit.reflection.currents import MeshCurrents
-from warpknit.reflection.thin_wires import ThinWires
+from warpknit.reflection.currents import MeshCurrents, ThinWires
 from warpknit.reflection.waves import DOWN, LIGHT, UP, Z0, Angles, Scattering, mode_decay, polarisations
 
 NO_SHIFT = (0, 0)

@@ -10,10 +10,10 @@ from reference.cases import slow
 from reference.wire_grids import parallel_wires, sheet_impedance, solve, stacked_grid
 from warpknit import measure
 from warpknit.measure.network import holm_resistance, sheet_resistance, surface
-from warpknit.reflection.checks import branch_length
 from warpknit.reflection.currents import MeshCurrents, scattering_at
 from warpknit.reflection.impedance import gap_capacitance, wire_impedance, yarn_radius
 from warpknit.reflection.repeat import CLOSED, COMPUTED, OPEN, repeat_of
+from warpknit.reflection.study import branch_length
 from warpknit.reflection.waves import EPS0, Angles
 from warpknit.results.frame import Frame, WireLayout
 from warpknit.scene import load_scene

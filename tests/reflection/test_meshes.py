@@ -6,10 +6,10 @@ import pytest
 
 from reference.wire_grids import solve
 from warpknit import measure
-from warpknit.reflection.checks import branch_length
 from warpknit.reflection.currents import MeshCurrents
 from warpknit.reflection.impedance import wire_impedance
 from warpknit.reflection.repeat import COMPUTED, OPEN, repeat_of
+from warpknit.reflection.study import branch_length
 from warpknit.reflection.waves import Angles
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model

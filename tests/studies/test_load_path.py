@@ -15,7 +15,7 @@ from warpknit.solve.simulate import Simulation
 from warpknit.studies.curves import tension_strain
 from warpknit.studies.equal_tension import YIELDED, load_equally, service_points, with_state_at
 from warpknit.studies.load_path import LoadPath, Meshes, exact_model, under_strain, under_tension
-from warpknit.studies.report import KeptStates, read_states, write_states
+from warpknit.studies.report import read_states, write_states
 
 SCENES = Path(__file__).parents[2] / "scenes"
 KINDS = {"planar": "contact_map.toml", "spatial": "atlas_cell_spatial.toml"}
@@ -127,10 +127,10 @@ def test_a_path_gets_the_state_at_a_further_tension(tmp_path):
     scene = load_scene(SCENES / "contact_map.toml", ["output.frames=4"], "draft")
     model = exact_model(scene, scene.solver.residual_tolerance)
     path = load_equally(model, 0.2)
-    write_states(scene, tmp_path, KeptStates([], path))
-    kept = read_states(scene, tmp_path).path
+    write_states(scene, tmp_path, [], path)
+    _, kept = read_states(scene, tmp_path)
     assert (kept.rows, kept.at, kept.ended, list(kept.states)) == (path.rows, path.at, path.ended, list(path.states))
-    assert read_states(load_scene(SCENES / "contact_map.toml", ["output.frames=5"], "draft"), tmp_path) == KeptStates()
+    assert read_states(load_scene(SCENES / "contact_map.toml", ["output.frames=5"], "draft"), tmp_path)[1].rows == ()
     between, beyond = (with_state_at(model, path, tension) for tension in (0.13, 0.8))
     for longer, tension in ((between, 0.13), (beyond, 0.8)):
         row = longer.at[tension]

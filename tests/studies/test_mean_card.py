@@ -14,13 +14,12 @@ from warpknit.studies.card import MaterialCard, find_cards
 from warpknit.studies.load_path import (
     AS_KNITTED,
     DIFFERENCE_TOLERANCE,
-    ROUGH_TOLERANCE,
     LoadPath,
     Meshes,
     meshes_of,
     under_tension,
 )
-from warpknit.studies.mean_card import find_mean, loads_of_card
+from warpknit.studies.mean_card import ROUGH_TOLERANCE, find_mean, loads_of_card
 from warpknit.studies.report_files import write_other_cards
 
 TENSION = 1.0  # [N/m]

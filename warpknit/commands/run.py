@@ -13,8 +13,7 @@ from typing import Any
 from ..base.errors import FINISHED, INTERRUPTED, Diverged, InputError, ModelError, RunDirectoryError, in_python, naming_arguments
 from ..compute.ranks import Ranks
 from ..knit.lapping import KnitError
-from ..reflection.checks import options_of
-from ..reflection.study import reflect
+from ..reflection.study import options_of, reflect
 from ..reflection.table import Reflected
 from ..results.run import Run, load_run
 from ..runner.history import Probe

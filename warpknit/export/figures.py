@@ -33,7 +33,7 @@ FLAT = 1e-3  # [mm] heights and [um] deviations that differ by less are drawn al
 
 
 def panel_figure(tables: Mapping[str, Columns], path: Path, title: str) -> Path:
-    """Draw the tables `map`, `edge` and `surface` of a panel, as strained, from its middle."""
+    """Draw tables `map`, `edge` and `surface` of a panel, as strained, from its middle."""
     tiles, edge, surface = tables["map"], tables["edge"], tables.get("surface")
     scale, unit = scale_of("N/m", tiles["tension_weft_N_per_m"], tiles["tension_warp_N_per_m"])
     maps: list[tuple[np.ndarray, str, dict[str, Any]]] = [

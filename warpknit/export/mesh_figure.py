@@ -18,20 +18,8 @@ from matplotlib.patheffects import withStroke
 from scipy.spatial import cKDTree
 
 from warpknit.base.text import ZERO_CELSIUS, alike, engineering
-from warpknit.export.plots import (
-    AMBER,
-    BLUE,
-    EDGE,
-    GREEN,
-    LineLook,
-    copied,
-    figure_of,
-    frame_plan_axes,
-    over_under,
-    plan_scale,
-    save_figure,
-    tile_copies,
-)
+from warpknit.export import plots
+from warpknit.export.plots import LineLook, figure_of, frame_plan_axes, plan_scale, save_figure
 from warpknit.results.frame import Frame, WireLayout, curve_position, drawn_frame, drawn_layout
 
 SEGMENTS_DRAWN = 200_000  # above, single wires are indistinguishable: a map is drawn
@@ -51,10 +39,10 @@ PEAK: LineLook = {"linestyle": "none", "marker": "*", "markersize": 13, "markerf
                   "path_effects": [withStroke(linewidth=2.0, foreground="white")]}  # fmt: skip
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 OUTLINE: LineLook = {"color": "#404040", "linewidth": 1.2, "linestyle": "--"}
-ELSEWHERE: LineLook = {"linestyle": "none", "marker": "D", "markerfacecolor": "none", "markeredgecolor": AMBER}
+ELSEWHERE: LineLook = {"linestyle": "none", "marker": "D", "markerfacecolor": "none", "markeredgecolor": plots.AMBER}
 ELSEWHERE_SIZE = 0.75  # of the marks of hooks: the smaller marks between stitches
 DARK = 0.26  # of the mark: the dark line about it
-RING: LineLook = {"markerfacecolor": "none", "markeredgecolor": GREEN, "linestyle": "none", "marker": "o"}
+RING: LineLook = {"markerfacecolor": "none", "markeredgecolor": plots.GREEN, "linestyle": "none", "marker": "o"}
 
 
 def mesh_figure(
@@ -82,7 +70,7 @@ def mesh_figure(
         tile = 1e3 * frame.deformation @ np.diag(layout.period)
         corners = _copies(layout) * SQUARE @ tile.T
         low, high = corners.min(axis=0), corners.max(axis=0)
-        offsets = tile_copies(pieces[:, :, :2].reshape(-1, 2), tile, *_with_margin(low, high))
+        offsets = plots.tile_copies(pieces[:, :, :2].reshape(-1, 2), tile, *_with_margin(low, high))
     else:
         low, high = pieces[:, :, :2].min(axis=(0, 1)), pieces[:, :, :2].max(axis=(0, 1))
     figure, (axes,) = _plan_figure(high - low, 1, title)
@@ -102,9 +90,9 @@ def mesh_figure(
     if len(pieces) > OVER_UNDER:
         axes.add_collection(LineCollection(list(pieces[:, :, :2]), colors=colour, linewidths=width))
     else:
-        shown, number = copied(pieces, offsets, *_with_margin(low, high))
-        edge = EDGE * float(np.clip((spacing * points_per_mm - LEAST_ROOM) / (ENOUGH_ROOM - LEAST_ROOM), 0.0, 1.0))
-        axes.add_collection(over_under(shown, colour[number], width, points_per_mm, edge))
+        shown, number = plots.copied(pieces, offsets, *_with_margin(low, high))
+        edge = plots.EDGE * float(np.clip((spacing * points_per_mm - LEAST_ROOM) / (ENOUGH_ROOM - LEAST_ROOM), 0.0, 1.0))
+        axes.add_collection(plots.over_under(shown, colour[number], width, points_per_mm, edge))
     size = points_per_mm * min(
         MARK * _spacing(pieces.reshape(-1, 3), _mark_count(layout, frame, shows_open)),
         MARK_IN_PLACE * spacing,
@@ -263,7 +251,9 @@ def _draw_contacts(
         mine = position[layout.rhombus_bodies]
         axes.plot(*mine.T, **RING, markersize=2.1 * size, markeredgewidth=0.3 * size, zorder=4)
         spoke = mine - mine.mean(axis=0)
-        axes.fill(*mine[np.argsort(np.arctan2(spoke[:, 1], spoke[:, 0]))].T, color=GREEN, alpha=0.15, linewidth=0.0, zorder=0)
+        axes.fill(
+            *mine[np.argsort(np.arctan2(spoke[:, 1], spoke[:, 0]))].T, color=plots.GREEN, alpha=0.15, linewidth=0.0, zorder=0
+        )
 
 
 def _elsewhere(size: float) -> LineLook:
@@ -294,8 +284,8 @@ def _kinds(frame: Frame) -> tuple[tuple[np.ndarray, str, float, LineLook], ...]:
     mark: LineLook = {"linestyle": "none", "marker": "o"}
     halo = [withStroke(linewidth=3.0, foreground="white")]
     return (
-        (active, "active", 0.12, {**mark, "markerfacecolor": BLUE, "markeredgecolor": "white"}),
-        (~active, "open", 0.16, {**mark, "markerfacecolor": "none", "markeredgecolor": BLUE, "path_effects": halo}),
+        (active, "active", 0.12, {**mark, "markerfacecolor": plots.BLUE, "markeredgecolor": "white"}),
+        (~active, "open", 0.16, {**mark, "markerfacecolor": "none", "markeredgecolor": plots.BLUE, "path_effects": halo}),
     )
 
 

@@ -66,10 +66,7 @@ def write_vtk(directory: Path, layout: WireLayout, frames: Iterable[Frame]) -> l
                 with path_aside(path) as aside:
                     meshio.write(aside, mesh, file_format="vtu", binary=True)
                 series[name].append((frame.index, path))
-    collections = []
-    for name, members in series.items():
-        if members:
-            collections.append(_write_collection(directory / f"{name}.pvd", members))
+    collections = [_write_collection(directory / f"{name}.pvd", members) for name, members in series.items() if members]
     return collections + [path for members in series.values() for _, path in members]
 
 

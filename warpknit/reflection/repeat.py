@@ -15,9 +15,9 @@ import numpy as np
 from ..measure.network import holm_resistance, surface
 from ..results.frame import Frame, WireLayout
 from ..scene import Wire
+from .currents import ThinWires
 from .curves import Meeting, Polyline, find_gaps
 from .impedance import gap_capacitance, yarn_radius
-from .thin_wires import ThinWires
 
 OPEN, COMPUTED, CLOSED = "open", "computed", "closed"  # contacts: none conducts, as computed, all and the gaps are perfect
 BRANCHES = 72  # of the wire of a loop by default (docs/studies/reflection.md)

@@ -37,7 +37,6 @@ FEWEST = 2  # meshes, of a mean
 # Residual, so that the differences between states hold three digits: the card's stiffness is nearly singular, and its inverse
 # loses one more. The contact point is found to 1e-5 of a segment, which leaves residuals of up to 1e-5.
 DIFFERENCE_TOLERANCE = 2e-5
-ROUGH_TOLERANCE = 1e-4  # for a mesh that does not converge to the finer one
 
 
 @dataclass(frozen=True)
@@ -309,11 +308,6 @@ def under_tension(scene: Scene, tension: float, name: str = "equal tension") -> 
 def part_of(monitor: Callable[[float], None], number: int, of: int) -> Callable[[float], None]:
     """Progress of one of `of` equal parts."""
     return lambda share: monitor((number + share) / of)
-
-
-def tolerances_of(scene: Scene) -> list[float]:
-    """Residual tolerances of a material card, to be tried one after the other: the scene's comes last."""
-    return [DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE, scene.solver.residual_tolerance]
 
 
 def exact_model(scene: Scene, tolerance: float = DIFFERENCE_TOLERANCE) -> Mesh:

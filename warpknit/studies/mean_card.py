@@ -16,9 +16,10 @@ from ..runner.variants import Spread, mesh_values_of, spread_of
 from ..scene import Scene, Stage
 from .card import MaterialCard, find_cards
 from .card_files import card_values
-from .load_path import Meshes, PathState, tolerances_of, under_strain, under_tension
+from .load_path import DIFFERENCE_TOLERANCE, Meshes, PathState, under_strain, under_tension
 
 AHEAD = 1.01  # of the load of a card: the way on, along which a mesh with friction or yield is loaded
+ROUGH_TOLERANCE = 1e-4  # residual, for a mesh that does not converge to the finer one
 BEYOND = 13.0 / 12.0  # of the load of the card: last point of its loading curves
 
 
@@ -58,7 +59,7 @@ def find_mean(
     loads = {place: loads_of_card(scene, state.gradient, tension) for place, state in states.items()}
     load, ahead = ({place: of_mesh[k] for place, of_mesh in loads.items()} for k in (0, 1))
     error, cards, own = Diverged("no mesh"), dict[int, tuple[MaterialCard, Record]](), list[int]()
-    for tolerance in tolerances_of(scene):
+    for tolerance in (DIFFERENCE_TOLERANCE, ROUGH_TOLERANCE, scene.solver.residual_tolerance):
         try:
             cards = find_cards(meshes.with_tolerance(tolerance), states, load, ahead, monitor)
         except Diverged as failed:

@@ -32,6 +32,7 @@ Overrides = tuple[tuple[str, object], ...]
 BASE = "base"  # name of the point with no parameter changed
 STIFFNESSES = (0.25, 4.0, 16.0)  # times what the model chooses
 LEVELS = (1, 2, 5, 10, 20)
+OF_SOLVER = ("drive", "precision", "axial_softening", "residual_tolerance", "multipliers")  # parameters
 PERIODS = (1.0, 3.0, 10.0, 30.0)  # slowest periods over which a ramp loads
 DAMPINGS = (0.1, 0.3, 3.0)  # times the slowest angular frequency
 SCALINGS = (100.0, 1e4)  # of all masses
@@ -289,17 +290,10 @@ def settings_of(model: Model) -> dict[str, object]:
     ramp = solver.drive == "ramp"
     of_ramp = {"loading_time_s": "loading_time", "damping_per_s": "damping", "body_mass_kg": "body_mass"}
     return {
-        "kind": scene.model.kind,
-        "boundary": scene.model.boundary,
+        **{name: getattr(scene.model, name) for name in ("kind", "boundary", "nodes_per_loop", "merge_lenses")},
+        **{name: getattr(solver, name) for name in OF_SOLVER},
         "repeats": "x".join(map(str, scene.knit.repeats)),
-        "nodes_per_loop": scene.model.nodes_per_loop,
-        "merge_lenses": scene.model.merge_lenses,
-        "drive": solver.drive,
-        "precision": solver.precision,
-        "axial_softening": solver.axial_softening,
         "contact_stiffness_N_per_m": model.contact_stiffness,
-        "residual_tolerance": solver.residual_tolerance,
-        "multipliers": solver.multipliers,
         "levels": scene.output.levels,
         "mass_scaling": 1.0 + model.added_mass if ramp else None,
         "target_time_step_s": solver.target_time_step,

@@ -11,7 +11,7 @@ import time
 import zipfile
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -48,37 +48,30 @@ GRADIENT = "gradient"  # of a state, beside its snapshot
 UNUSABLE = (OSError, ValueError, LookupError, TypeError, zipfile.BadZipFile)
 
 
-@dataclass(frozen=True)
-class KeptStates:
-    """Results of a report that do not depend on the requested tension."""
-
-    curves: Sequence[Row] = ()
-    path: EqualTensionPath = EqualTensionPath()
-
-
-def write_states(scene: Scene, out: Path, states: KeptStates) -> None:
-    """Write the file into `out`."""
-    places = [list(of_meshes) for of_meshes in states.path.states.values()]
-    about = plain(replace(states, path=replace(states.path, states={}))) | {
+def write_states(scene: Scene, out: Path, curves: Sequence[Row], path: EqualTensionPath) -> None:
+    """Write the results of a report that do not depend on the requested tension."""
+    about = {
+        "curves": curves,
+        "path": replace(path, states={}),
         "made_by": [scene.hash, __version__],
-        "places": places,
+        "places": [list(of_meshes) for of_meshes in path.states.values()],
     }
-    arrays = {"about": np.array(json.dumps(about, default=lambda value: value.item()))}
-    for number, of_meshes in enumerate(states.path.states.values()):
+    arrays = {"about": np.array(json.dumps(plain(about), default=lambda value: value.item()))}
+    for number, of_meshes in enumerate(path.states.values()):
         for place, state in of_meshes.items():
             kept = state.kept | {GRADIENT: state.gradient}
             arrays |= {f"{number}_{place}_{name}": value for name, value in kept.items()}
     write_arrays(out / STATES, arrays)
 
 
-def read_states(scene: Scene, out: Path) -> KeptStates:
-    """States by `write_states` for this scene and version; without a readable file none."""
+def read_states(scene: Scene, out: Path) -> tuple[Sequence[Row], EqualTensionPath]:
+    """Curves and path by `write_states` for this scene and version; without a readable file none."""
     try:
         with np.load(out / STATES, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
         about = json.loads(str(arrays.pop("about")))
         if about["made_by"] != [scene.hash, __version__]:
-            return KeptStates()
+            return (), EqualTensionPath()
         table = about["path"]
         at = {float(tension): Row(**row) for tension, row in table["at"].items()}
         stages = [under_tension(scene, tension) for tension in at]
@@ -89,9 +82,9 @@ def read_states(scene: Scene, out: Path) -> KeptStates:
                 place: PathState(tuple(stages[: number + 1]), of_mesh, of_mesh.pop(GRADIENT)) for place, of_mesh in kept.items()
             }
         path = EqualTensionPath([Row(**row) for row in table["rows"]], states, at, table["ended"])
-        return KeptStates([Row(**point) for point in about["curves"]], path)
+        return [Row(**point) for point in about["curves"]], path
     except UNUSABLE:
-        return KeptStates()
+        return (), EqualTensionPath()
 
 
 STAGES = ("tension-strain curves", "equal tensions", "material card", "heat", "openings and page")  # of the progress
@@ -136,8 +129,7 @@ def write_report(
     weft, warp = (max(row[f"strain_{side}"] or 0.0 for row in rows) for side in ("weft", "warp"))
     largest = equal_tension.largest_equal_tension(rows)
     monitor = begin("tension-strain curves")
-    kept = read_states(scene, out)
-    curves, path = kept.curves, kept.path
+    curves, path = kept = read_states(scene, out)
     if not curves:
         curves = tension_strain(meshes, weft, warp, monitor)
     jumps = find_jumps(model, rows) if is_one else []  # of means there are none
@@ -145,8 +137,8 @@ def write_report(
     monitor = begin("equal tensions")
     if not path.rows and (largest > 0.0 or tension is not None):
         path = equal_tension.load_equally(meshes, largest, part_of(monitor, 0, 2))
-    if (curves, path) != (kept.curves, kept.path):
-        write_states(scene, out, KeptStates(curves, path))
+    if (curves, path) != kept:
+        write_states(scene, out, curves, path)
     if tension is not None:
         path = equal_tension.with_state_at(meshes, path, tension, part_of(monitor, 1, 2))
     path_jumps = jumps_under_tension(meshes.first, path.rows) if is_one else []
