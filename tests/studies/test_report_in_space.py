@@ -15,7 +15,7 @@ from warpknit.scene.materials import MATERIALS
 from warpknit.solve.model import build_model
 from warpknit.spatial.observables import SpatialObservables
 from warpknit.studies import curves
-from warpknit.studies.card import HEATED, find_cards
+from warpknit.studies.card import HEATED, find_cards, tension_slope_of
 from warpknit.studies.load_path import LoadPath, Meshes, exact_model, states_at, under_strain, under_tension
 from warpknit.studies.opening_size import openings
 
@@ -128,7 +128,7 @@ def test_a_card_with_friction_has_a_stiffness_of_small_cycles_and_one_of_loading
     for expansion in (card.expansion[:2], card.history.cooling[:2]):
         assert expansion == pytest.approx(2 * [model.scene.wire.expansion], abs=held_back)
     assert card.expansion[:2] != pytest.approx(card.history.cooling[:2], rel=1e-3)
-    assert card.history.tension_slope(card.tension)[0, 1] == loading[0, 1] - card.tension_weft
+    assert tension_slope_of(card.history.loading, card.tension)[0, 1] == loading[0, 1] - card.tension_weft
 
 
 @pytest.mark.slow

@@ -251,9 +251,8 @@ def _draw_contacts(
         mine = position[layout.rhombus_bodies]
         axes.plot(*mine.T, **RING, markersize=2.1 * size, markeredgewidth=0.3 * size, zorder=4)
         spoke = mine - mine.mean(axis=0)
-        axes.fill(
-            *mine[np.argsort(np.arctan2(spoke[:, 1], spoke[:, 0]))].T, color=plots.GREEN, alpha=0.15, linewidth=0.0, zorder=0
-        )
+        around = mine[np.argsort(np.arctan2(spoke[:, 1], spoke[:, 0]))]
+        axes.fill(*around.T, color=plots.GREEN, alpha=0.15, linewidth=0.0, zorder=0)
 
 
 def _elsewhere(size: float) -> LineLook:

@@ -23,7 +23,7 @@ loading, which is not symmetric. alpha is found by heating the mesh under its te
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -34,7 +34,7 @@ from ..measure import Observables
 from ..measure.table import Record
 from ..results.row import Row
 from ..scene import Stage
-from .load_path import Load, LoadPath, Meshes, PathState, follow, part_of, under_strain
+from .load_path import Load, LoadPath, Meshes, Monitor, PathState, follow, part_of, under_strain
 
 STEP = 1e-3  # strain step of the finite differences
 LEAST_STEP = 0.25 * STEP  # down to which it is halved while they disagree: a contact may close or part near the state
@@ -55,13 +55,9 @@ class History:
     difference: float  # change from differences of twice the step, over its largest entry
     cooling: np.ndarray  # (3,) [1/K] strain E at constant S while the heated mesh cools to its temperature
 
-    def tension_slope(self, tension: np.ndarray) -> np.ndarray:
-        """(2, 2) [N/m] derivative of the tensions (2,) by the strains, as the load goes on."""
-        return _tension_slope(self.loading, tension)
 
-
-def _tension_slope(stiffness: np.ndarray, tension: np.ndarray) -> np.ndarray:
-    """(2, 2) [N/m] D of a stiffness C."""
+def tension_slope_of(stiffness: np.ndarray, tension: np.ndarray) -> np.ndarray:
+    """(2, 2) [N/m] D of a stiffness C, at a tension (2,) [N/m] in weft and warp."""
     return np.asarray(stiffness[:2, :2] + np.diag(tension) - tension[:, None] * (1.0 - np.eye(2)))
 
 
@@ -123,7 +119,7 @@ class MaterialCard:
     @property
     def tension_slope(self) -> np.ndarray:
         """(2, 2) [N/m] derivative of the tensions (force per current width) by the strains, in weft and warp."""
-        return _tension_slope(self.stiffness, self.tension)
+        return tension_slope_of(self.stiffness, self.tension)
 
     @property
     def difference(self) -> float:
@@ -178,7 +174,7 @@ def find_cards(
     begin: Mapping[int, PathState],
     load: Mapping[int, Stage],
     ahead: Mapping[int, Stage],
-    monitor: Callable[[float], None] = lambda _: None,
+    monitor: Monitor = lambda _: None,
 ) -> dict[int, tuple[MaterialCard, Record]]:
     """The cards of meshes and the tensioned meshes, by place; without meshes that do not converge.
 
@@ -269,7 +265,7 @@ class _Near:
     tensioned: Mapping[int, np.ndarray]  # (2, 2) deformation gradients
 
     def differences(
-        self, step: float, beside: Mapping[int, np.ndarray], *, least: float = np.inf, monitor: Callable[[float], None]
+        self, step: float, beside: Mapping[int, np.ndarray], *, least: float = np.inf, monitor: Monitor
     ) -> dict[int, _Differences]:
         """Derivatives about a strain of `beside` (3,) steps from the tensioned states; without meshes that do not converge.
 

@@ -19,7 +19,7 @@ from ..runner.history import mean_tension
 from ..runner.strength import assumed_text, exceeded_text
 from ..runner.variants import Spread
 from ..scene import Scene
-from .card import AGREEMENT, CYCLE, HEATED, LEAST_STEP, MaterialCard
+from .card import AGREEMENT, CYCLE, HEATED, LEAST_STEP, MaterialCard, tension_slope_of
 
 CARD = "material_card.json"
 AXES = {"1": "weft (x)", "2": "warp (y)", "3": "shear, engineering shear strain 2 E12"}
@@ -77,7 +77,7 @@ def _history_values(card: MaterialCard) -> Iterator[tuple[str, float, str, str]]
     for (row, column), value in np.ndenumerate(history.loading):
         if (row < 2 and column < 2) or row == column:
             yield f"loading_C{row + 1}{column + 1}", float(value), "N/m", f"loading: S in {sides[row]} with E in {sides[column]}"
-    for (row, column), value in np.ndenumerate(history.tension_slope(card.tension)):
+    for (row, column), value in np.ndenumerate(tension_slope_of(history.loading, card.tension)):
         meaning = f"loading: change of tension in {sides[row]} with strain in {sides[column]}"
         yield f"loading_D{row + 1}{column + 1}", float(value), "N/m", meaning
     for axis, value, side in zip("12", history.cooling[:2].tolist(), sides[:2], strict=True):

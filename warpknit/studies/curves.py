@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -17,14 +17,14 @@ from ..results.row import Row
 from ..runner.branches import jumps_of
 from ..runner.history import row_of
 from ..runner.variants import mean_row
-from .load_path import Load, Meshes, follow, levels_of, under_strain
+from .load_path import Load, Meshes, Monitor, follow, levels_of, under_strain
 
 POINTS = 12  # of a curve, in addition to the mesh as knitted
 MEASURED = ("tension_weft_N_per_m", "tension_warp_N_per_m", "active_percent", "stress_max_Pa")
 LOADS = (("both", 1.0, 1.0), ("weft_alone", 1.0, 0.0), ("warp_alone", 0.0, 1.0))
 
 
-def tension_strain(meshes: Meshes, weft: float, warp: float, monitor: Callable[[float], None] = lambda _: None) -> list[Row]:
+def tension_strain(meshes: Meshes, weft: float, warp: float, monitor: Monitor = lambda _: None) -> list[Row]:
     """The curves of all LOADS up to the strains `weft` and `warp`; both together grow in proportion.
 
     Curves of several meshes are means with the ranges of eight in ten. `monitor` is called with the completed share.

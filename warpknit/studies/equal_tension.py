@@ -6,7 +6,7 @@ One path gives the service tensions, the material card at a tension, the answers
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
 
@@ -23,7 +23,7 @@ from ..runner.strength import exceeded_text, limit_text
 from ..scene import Scene
 from .card import MaterialCard
 from .contact_map import SIDES, STEADY, MapRow, axes_of, grid
-from .load_path import LoadPath, Meshes, PathState, part_of, under_tension
+from .load_path import LoadPath, Meshes, Monitor, PathState, part_of, under_tension
 
 BEGIN = 0.125  # of the least tension of interest: end of the first stage, so that small tensions are resolved
 LEAST = 2.0**-12  # of the largest one: end of the first stage, at least
@@ -64,7 +64,7 @@ class EqualTensionPath:
         return f"to {top}" + (f", above which the relaxation did not converge ({self.ended})" if self.ended else "")
 
 
-def load_equally(meshes: Meshes, largest: float, monitor: Callable[[float], None] = lambda _: None) -> EqualTensionPath:
+def load_equally(meshes: Meshes, largest: float, monitor: Monitor = lambda _: None) -> EqualTensionPath:
     """The path to first yield, or through DOUBLINGS of the largest tension; its rows are means over the meshes.
 
     That is the larger of the service tensions and `largest` [N/m], of the map.
@@ -103,9 +103,7 @@ def load_equally(meshes: Meshes, largest: float, monitor: Callable[[float], None
     return EqualTensionPath(rows, states, at)
 
 
-def with_state_at(
-    meshes: Meshes, path: EqualTensionPath, tension: float, monitor: Callable[[float], None] = lambda _: None
-) -> EqualTensionPath:
+def with_state_at(meshes: Meshes, path: EqualTensionPath, tension: float, monitor: Monitor = lambda _: None) -> EqualTensionPath:
     """The path with its state at `tension` [N/m], from the next smaller tension.
 
     The path continues to this tension beyond its end, or up to the strength of the wire. Without the state where the mesh does

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from ..base.errors import Diverged
@@ -12,7 +12,7 @@ from ..runner.answers import Heat, heat_of
 from ..runner.branches import Jump, jumps_of
 from ..scene import Scene
 from .equal_tension import EqualTensionPath, levels_between
-from .load_path import LoadPath, Meshes, part_of, under_strain, under_tension
+from .load_path import LoadPath, Meshes, Monitor, part_of, under_strain, under_tension
 
 TOLERANCE = 5e-5  # residual, at most: heat strains a soft mesh by little, and its tension is held to two thirds of that
 LEAST_LEVELS = 2  # of a change of temperature
@@ -43,7 +43,7 @@ def heat(
     meshes: Meshes,
     path: EqualTensionPath,
     held: float | None,
-    monitor: Callable[[float], None] = lambda _: None,
+    monitor: Monitor = lambda _: None,
 ) -> tuple[list[HeatedMesh], str]:
     """Meshes under a tension [N/m] at the temperatures of [[path]]; or none, and the reason.
 

@@ -32,7 +32,7 @@ from ..solve.simulate import Simulation
 from ..solve.variant_models import VariantModels, side_by_side
 
 Mesh: TypeAlias = Any  # a model of either kind
-Monitor = Callable[[float], None]  # is called with the share that is done
+Monitor: TypeAlias = Callable[[float], None]  # is called with the share that is done
 FEWEST = 2  # meshes, of a mean
 # Residual, so that the differences between states hold three digits: the card's stiffness is nearly singular, and its inverse
 # loses one more. The contact point is found to 1e-5 of a segment, which leaves residuals of up to 1e-5.
@@ -305,7 +305,7 @@ def under_tension(scene: Scene, tension: float, name: str = "equal tension") -> 
     return replace(load, tension_weft=tension, tension_warp=tension)
 
 
-def part_of(monitor: Callable[[float], None], number: int, of: int) -> Callable[[float], None]:
+def part_of(monitor: Monitor, number: int, of: int) -> Monitor:
     """Progress of one of `of` equal parts."""
     return lambda share: monitor((number + share) / of)
 

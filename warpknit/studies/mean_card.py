@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
@@ -16,7 +16,7 @@ from ..runner.variants import Spread, mesh_values_of, spread_of
 from ..scene import Scene, Stage
 from .card import MaterialCard, find_cards
 from .card_files import card_values
-from .load_path import DIFFERENCE_TOLERANCE, Meshes, PathState, under_strain, under_tension
+from .load_path import DIFFERENCE_TOLERANCE, Meshes, Monitor, PathState, under_strain, under_tension
 
 AHEAD = 1.01  # of the load of a card: the way on, along which a mesh with friction or yield is loaded
 ROUGH_TOLERANCE = 1e-4  # residual, for a mesh that does not converge to the finer one
@@ -48,7 +48,7 @@ def loads_of_card(scene: Scene, gradient: np.ndarray, tension: float | None) -> 
 
 
 def find_mean(
-    meshes: Meshes, states: Mapping[int, PathState], tension: float | None, monitor: Callable[[float], None] = lambda _: None
+    meshes: Meshes, states: Mapping[int, PathState], tension: float | None, monitor: Monitor = lambda _: None
 ) -> MeanCard:
     """The mean over the cards of the meshes in the states of a path; the next larger tolerance where half of them have none.
 

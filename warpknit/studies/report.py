@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import time
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -38,7 +38,7 @@ from .equal_tension import EqualTensionPath
 from .fe_codes import CODES
 from .findings import Findings
 from .heat import heat, later_temperatures, tension_held
-from .load_path import LoadPath, Meshes, PathState, meshes_of, part_of, states_at, under_tension
+from .load_path import LoadPath, Meshes, Monitor, PathState, meshes_of, part_of, states_at, under_tension
 from .mean_card import MeanCard, find_mean, loads_of_card
 from .opening_size import openings
 from .report_files import write_files
@@ -118,7 +118,7 @@ def write_report(
     stages = [name for name in STAGES if name != "heat" or later_temperatures(scene)]
     begins: dict[str, float] = {}  # [s] of the clock
 
-    def begin(name: str) -> Callable[[float], None]:
+    def begin(name: str) -> Monitor:
         if name in stages:
             begins[name] = time.perf_counter()
             show.stage(name, number=stages.index(name) + 1, of=len(stages))
@@ -200,7 +200,7 @@ def _card(
     path: EqualTensionPath,
     path_jumps: Sequence[RowJump],
     tension: float | None,
-    monitor: Callable[[float], None],
+    monitor: Monitor,
 ) -> tuple[MeanCard | None, str, Sequence[Row]]:
     """The card, its state in words, and neighbouring states; or None and the reason.
 

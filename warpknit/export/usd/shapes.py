@@ -23,40 +23,21 @@ POINT3, EXTENT, FLOATS, INTS = (
     Sdf.ValueTypeNames.IntArray,
 )
 COLOUR_INDEX = "primvars:displayColor:indices"
-Attributes: TypeAlias = Mapping[str, tuple[Any, str]]  # name -> type, interpolation of a primvar
 Values: TypeAlias = dict[str, np.ndarray]
-MOVING: Mapping[str, Attributes] = {
-    "Wires": {
-        "points": (POINT3, ""),
-        "extent": (EXTENT, ""),
-        "primvars:warpknit:stress": (FLOATS, "vertex"),
-        COLOUR_INDEX: (INTS, ""),
-    },
-    "Contacts": {
-        "points": (POINT3, ""),
-        "extent": (EXTENT, ""),
-        "primvars:warpknit:active": (INTS, "vertex"),
-        "primvars:warpknit:activePairs": (INTS, "vertex"),
-        "primvars:warpknit:normalForce": (FLOATS, "vertex"),
-        "primvars:warpknit:normalForceA": (FLOATS, "vertex"),
-        "primvars:warpknit:normalForceB": (FLOATS, "vertex"),
-        COLOUR_INDEX: (INTS, ""),
-    },
-    "ContactsElsewhere": {
-        "points": (POINT3, ""),
-        "widths": (FLOATS, "vertex"),
-        "extent": (EXTENT, ""),
-        "primvars:warpknit:normalForce": (FLOATS, "vertex"),
-        "primvars:warpknit:wireA": (INTS, "vertex"),
-        "primvars:warpknit:wireB": (INTS, "vertex"),
-    },
-    "Surface": {
-        "points": (POINT3, ""),
-        "extent": (EXTENT, ""),
-        "primvars:warpknit:stress": (FLOATS, "uniform"),
-        "primvars:warpknit:activeShare": (FLOATS, "uniform"),
-        COLOUR_INDEX: (INTS, ""),
-    },
+MOVING: Mapping[str, tuple[Any, str]] = {  # type of an attribute, and interpolation of a primvar: on the sheet uniform
+    "points": (POINT3, ""),
+    "widths": (FLOATS, "vertex"),
+    "extent": (EXTENT, ""),
+    "primvars:warpknit:stress": (FLOATS, "vertex"),
+    "primvars:warpknit:activeShare": (FLOATS, "vertex"),
+    "primvars:warpknit:active": (INTS, "vertex"),
+    "primvars:warpknit:activePairs": (INTS, "vertex"),
+    "primvars:warpknit:normalForce": (FLOATS, "vertex"),
+    "primvars:warpknit:normalForceA": (FLOATS, "vertex"),
+    "primvars:warpknit:normalForceB": (FLOATS, "vertex"),
+    "primvars:warpknit:wireA": (INTS, "vertex"),
+    "primvars:warpknit:wireB": (INTS, "vertex"),
+    COLOUR_INDEX: (INTS, ""),
 }
 
 
@@ -120,20 +101,20 @@ def _extent(points: np.ndarray, width: float) -> np.ndarray:
 
 
 def declare(layer: Sdf.Layer, prim: Sdf.Path, names: Container[str]) -> None:
-    """Make specs, without values, of the moving attributes that are among `names`; the prim's name says its kind."""
+    """Make specs, without values, of the moving attributes that are among `names`."""
     spec = Sdf.CreatePrimInLayer(layer, prim)
-    for name, (kind, interpolation) in MOVING[prim.name].items():
+    for name, (kind, interpolation) in MOVING.items():
         if name in names and name not in spec.attributes:
             attribute = Sdf.AttributeSpec(spec, name, kind)
             if interpolation:
-                attribute.SetInfo("interpolation", interpolation)
+                attribute.SetInfo("interpolation", "uniform" if prim.name == "Surface" else interpolation)
 
 
 def author(layer: Sdf.Layer, prim: Sdf.Path, values: Values, time: int | None = None) -> None:
     """Write moving values of a prim at a time code; without one as its pose."""
     declare(layer, prim, values)
     for name, value in values.items():
-        kind, path = MOVING[prim.name][name][0], prim.AppendProperty(name)
+        kind, path = MOVING[name][0], prim.AppendProperty(name)
         number = np.int32 if kind == INTS else np.float32
         array = kind.type.pythonClass.FromNumpy(np.ascontiguousarray(value, dtype=number))
         if time is None:
