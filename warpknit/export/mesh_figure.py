@@ -335,15 +335,10 @@ def state_title(frame: Frame, tension: tuple[float, float] | None, *, names_stag
         load.append(f"shear {100.0 * frame.shear:.1f} %")
     answer = []
     if tension is not None:
-        answer.append(f"tension {_both(tension)}")
+        is_one = abs(tension[0] - tension[1]) <= ONE_TENSION * max(map(abs, tension))
+        one = f"{engineering(0.5 * sum(tension), 'N/m')} in weft and warp"
+        weft, warp = alike(tension, "N/m")
+        answer.append(f"tension {one if is_one else f'weft {weft}, warp {warp}'}")
     if abs(frame.temperature - ROOM) > 0.05:
         answer.append(f"{frame.temperature - ZERO_CELSIUS:.4g} °C")
     return "\n".join("   ".join(parts) for parts in (load, answer) if parts)
-
-
-def _both(tension: tuple[float, float]) -> str:
-    """Tensions [N/m] in weft and warp; one where they differ by no more than a search allows."""
-    weft, warp = alike(tension, "N/m")
-    if abs(tension[0] - tension[1]) <= ONE_TENSION * max(map(abs, tension)):
-        return f"{engineering(0.5 * sum(tension), 'N/m')} in weft and warp"
-    return f"weft {weft}, warp {warp}"

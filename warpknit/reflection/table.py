@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.text import engineering, sides_text
 from ..results.finding import Finding
-from ..results.row import Values
+from ..results.row import Row, Values
 from .repeat import CLOSED, OPEN
 from .waves import Angles, Scattering
 
@@ -21,7 +21,7 @@ SAME = 1e-3  # of a tension: two searches for the same tension differ by less
 SHOWN = 3  # frequencies in the table of a run
 
 
-class LossRow(Values):
+class LossRow(Row):
     """One state at one frequency: a row of reflection.csv. TE and TM are the polarisations of the incident wave."""
 
     record: int  # number of the record; of a map, of the pair of loads
@@ -53,11 +53,6 @@ class LossRow(Values):
     def loss(self) -> float:
         """[dB] of the worse polarisation."""
         return max(self.loss_te_dB, self.loss_tm_dB)
-
-    @property
-    def tension(self) -> tuple[float, float]:
-        """[N/m] in weft and warp."""
-        return self.tension_weft_N_per_m, self.tension_warp_N_per_m
 
 
 class LeastTension(Values):

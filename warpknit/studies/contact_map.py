@@ -430,23 +430,23 @@ def map_findings(result: MapSummary) -> Iterator[Finding]:
 
 def friction_findings(result: MapSummary) -> Iterator[Finding]:
     """The optimum with other frictions."""
+    by_tension = result.loads == "tensions"
     for name, means in vars(result.get("frictions", Values())).items():
-        strain = f"{percent(means.strain_weft)} weft, {percent(means.strain_warp)} warp"
-        tension = sides_text((means.tension_weft_N_per_m, means.tension_warp_N_per_m), "N/m")
-        driven = f"strain {strain}" if result.loads == "tensions" else f"tension {tension}"
-        share, stress = percent(0.01 * means.active_percent), engineering(means.stress_max_Pa, "Pa")
+        text = "; ".join(_texts(means, by_tension))
         friction = f"{FRICTIONS[name] * result.model.friction:g}"
-        yield Finding(f"  with friction {friction}", f"{driven}; {share} active; {stress}", short=True)
+        yield Finding(f"  with friction {friction}", f"{'strain' if by_tension else 'tension'} {text}", short=True)
 
 
 def _spatial_finding(other: Values, *, by_tension: bool) -> Finding:
     """The largest load of a planar map in the spatial model."""
-
-    def text(of: Values) -> str:
-        tension = sides_text((of.tension_weft_N_per_m, of.tension_warp_N_per_m), "N/m")
-        driven = f"{percent(of.strain_weft)} weft, {percent(of.strain_warp)} warp" if by_tension else tension
-        return f"{driven}, {percent(0.01 * of.active_percent)} active, {engineering(of.stress_max_Pa, 'Pa')}"
-
+    spatial, planar = (", ".join(_texts(of, by_tension)) for of in (other, other.planar))
     where = f"at {load_text(other.load, by_tension)}"
-    found = f"{where}: {text(other)} (mean of {other.meshes} meshes); planar: {text(other.planar)}"
+    found = f"{where}: {spatial} (mean of {other.meshes} meshes); planar: {planar}"
     return Finding("in the spatial model", found, short=True)
+
+
+def _texts(of: Values, by_tension: bool) -> tuple[str, str, str]:
+    """What the load does not prescribe, active contacts, largest stress."""
+    tension = sides_text((of.tension_weft_N_per_m, of.tension_warp_N_per_m), "N/m")
+    driven = of_sides((percent(of.strain_weft), percent(of.strain_warp))) if by_tension else tension
+    return driven, f"{percent(0.01 * of.active_percent)} active", engineering(of.stress_max_Pa, "Pa")

@@ -28,7 +28,7 @@ from ..runner.branches import Jump as RowJump
 from ..runner.branches import jumps_of, jumps_under_tension
 from ..runner.history import mean_tension
 from ..runner.progress_display import Display
-from ..scene import Scene, Stage
+from ..scene import Scene
 from ..solve.model import build_model
 from . import equal_tension
 from .card_files import CARD, ahead_of_card
@@ -221,7 +221,10 @@ def _card(
             passed = [jump for jump in jumps if mean_tension(jump[0]) < tension]
         elif cell is not None:
             way = LoadPath(meshes)
-            rows = list(way.rows(*_way_to(scene, cell), lambda share: monitor(WAY * share)))
+            assert scene.sweep is not None
+            levels = dict(zip(scene.sweep.pairs, levels_of_pairs(scene.sweep.pairs, scene.levels), strict=True))[cell.load]
+            stage = scene.sweep.stage(scene.stages[0], cell.load)
+            rows = list(way.rows(stage, levels, lambda share: monitor(WAY * share)))
             jumps = passed = jumps_of(meshes.first, rows) if len(meshes.own) == 1 else []
         else:
             raise Diverged(equal_tension.unreached_text(scene, path, tension or 0.0))
@@ -247,10 +250,3 @@ def _card(
     of_state = f"its state is {equal_tension.LEFT}" if left else ""
     jumped = "; ".join(part for part in (equal_tension.jump_text(passed), of_state) if part)
     return replace(found, card=replace(card, jumps=jumped, branch=branch)), text, rows
-
-
-def _way_to(scene: Scene, cell: MapRow) -> tuple[Stage, int]:
-    """The load of a cell of the map, and its levels."""
-    assert scene.sweep is not None
-    levels = dict(zip(scene.sweep.pairs, levels_of_pairs(scene.sweep.pairs, scene.levels), strict=True))
-    return scene.sweep.stage(scene.stages[0], cell.load), levels[cell.load]

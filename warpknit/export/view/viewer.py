@@ -238,7 +238,8 @@ class Viewer:
                     name = f"contact {number}" if number < self.layout.body_count else "contact between stitches"
                 self._chosen, place = (is_contact, number, places[here]), places[here] - self.middle
                 numerals = self._contact_text(shown, here) if is_contact else self._wire_text(shown, here)
-                text = f"**{name}**{numerals}  \n{_place_text(place)}"
+                x, y, z = np.round(place, 3) + 0.0  # no negative zero
+                text = f"**{name}**{numerals}  \n{x:.3f} mm weft, {y:.3f} mm warp, {z:.3f} mm height, from the middle"
         self.picked.content = text
         beside = place + [self._ball, self._ball, 0.0]
         self.server.scene.add_label("/picked", name, position=beside, anchor="bottom-left", visible=bool(name))
@@ -345,11 +346,6 @@ class Viewer:
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
         return np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
-
-
-def _place_text(place: Floats) -> str:
-    x, y, z = np.round(place, 3) + 0.0  # no negative zero
-    return f"{x:.3f} mm weft, {y:.3f} mm warp, {z:.3f} mm height, from the middle"
 
 
 def _linear(colour: np.ndarray) -> np.ndarray:
