@@ -13,7 +13,7 @@ from reference.in_words import options, quantities
 from warpknit.commands.cli import main
 from warpknit.runner.interrupts import Interrupted, Interrupts
 from warpknit.scene import load_scene
-from warpknit.studies import sweep
+from warpknit.studies import contact_map, sweep
 from warpknit.studies.sweep import run_map
 
 SCENES = Path(__file__).parents[1] / "scenes"
@@ -81,8 +81,8 @@ def test_an_interrupted_map_keeps_its_cells_and_goes_on_to_the_same_map(whole_ma
         check(self)
 
     check, finished = Interrupts.check, []
-    map_row = sweep.map_row
-    monkeypatch.setattr(sweep, "map_row", lambda pair, *end, **more: finished.append(pair) or map_row(pair, *end, **more))
+    map_row = contact_map.map_row
+    monkeypatch.setattr(contact_map, "map_row", lambda pair, *end, **more: finished.append(pair) or map_row(pair, *end, **more))
     monkeypatch.setattr(Interrupts, "check", stop)
     stopped = make_map(cut)
     monkeypatch.undo()

@@ -270,8 +270,8 @@ def test_a_further_tension_uses_the_states_that_are_there(reports, tmp_path, mon
 
     kept = tmp_path / "r"
     shutil.copytree(out, kept)
-    for name in ("tension_strain", "load_equally"):
-        monkeypatch.setattr(f"warpknit.studies.report.{name}", again)
+    for name in ("report.tension_strain", "equal_tension.load_equally"):
+        monkeypatch.setattr(f"warpknit.studies.{name}", again)
     done = make_report(kept, "--tension", "0.06 N/m", "--cards", "nastran")
     assert done.exit_code == 0, done.output
     values = json.loads((kept / "material_card.json").read_text(encoding="utf-8"))["values"]
