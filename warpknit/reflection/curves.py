@@ -60,12 +60,16 @@ def find_gaps(
 
     They are at least `window` [m] along either wire from contacts and from each other.
     """
-    segments = _Segments(curves, cell)
-    first, second, image = segments.pairs(reach)
-    distance, s, t = segments.distances(first, second, image)
-    lengths = np.array([curve.length for curve in curves])
-    wire = np.stack([segments.wire[first], segments.wire[second]], axis=1)
-    share = segments.arcs(first, second, s, t) / lengths[wire]
+    segments = _Segments(curves)
+    first, second, image, _ = near_images(0.5 * (segments.begin + segments.end), cell, reach + segments.size.max())
+    is_other = (first != second) | image.any(axis=1)
+    first, second, image = first[is_other], second[is_other], image[is_other]
+    away = np.concatenate([image @ cell, np.zeros((len(image), 1))], axis=1)
+    begin, end = segments.begin, segments.end
+    distance, *places = segment_distances(begin[first], end[first], begin[second] + away, end[second] + away)
+    pair, lengths = np.stack([first, second], axis=1), np.array([curve.length for curve in curves])
+    wire = segments.wire[pair]
+    share = (segments.arc[pair] + np.stack(places, axis=1) * segments.size[pair]) / lengths[wire]
     is_own = (wire[:, 0] == wire[:, 1]) & (_arc_between(share[:, 0] - share[:, 1], lengths[wire[:, 0]]) < window)
     near = np.flatnonzero((distance < reach) & ~is_own)
     known = {key: distance[k] for k in near for key in segments.keys(first[k], second[k], image[k])}
@@ -90,28 +94,13 @@ Key = tuple[int, int, int, int]  # two segments, and the periods from the first 
 class _Segments:
     """The straight pieces of all curves."""
 
-    def __init__(self, curves: Sequence[Polyline], cell: np.ndarray) -> None:
+    def __init__(self, curves: Sequence[Polyline]) -> None:
         counts = [len(curve.points) - 1 for curve in curves]
-        self.curves, self.cell, self.start = curves, cell, np.concatenate([[0], np.cumsum(counts)])
+        self.curves, self.start = curves, np.concatenate([[0], np.cumsum(counts)])
         self.wire = np.repeat(np.arange(len(curves)), counts)
         self.begin, self.end = (np.concatenate([curve.points[part] for curve in curves]) for part in (slice(-1), slice(1, None)))
         self.arc = np.concatenate([curve.arc[:-1] for curve in curves])
         self.size = np.linalg.norm(self.end - self.begin, axis=1)
-
-    def pairs(self, reach: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Pairs that may be nearer than `reach` [m], each once; periods (pair, 2) from first to second."""
-        first, second, image, _ = near_images(0.5 * (self.begin + self.end), self.cell, reach + self.size.max())
-        is_other = (first != second) | image.any(axis=1)
-        return first[is_other], second[is_other], image[is_other]
-
-    def distances(self, first: np.ndarray, second: np.ndarray, image: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """[pair] [m] distances of segments, and where on them they are nearest."""
-        away = np.concatenate([image @ self.cell, np.zeros((len(image), 1))], axis=1)
-        return segment_distances(self.begin[first], self.end[first], self.begin[second] + away, self.end[second] + away)
-
-    def arcs(self, first: np.ndarray, second: np.ndarray, s: np.ndarray, t: np.ndarray) -> np.ndarray:
-        """(pair, 2) [m] arcs of places on segments."""
-        return np.stack([self.arc[first] + s * self.size[first], self.arc[second] + t * self.size[second]], axis=1)
 
     def keys(self, first: int, second: int, image: np.ndarray) -> Iterator[Key]:
         """A pair in either order."""

@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 
 from .. import __version__, measure
-from ..base.errors import Diverged, MemoryNeeded
+from ..base.errors import Diverged
 from ..base.text import counted, percent
 from ..compute.device import find_device
-from ..compute.memory import available_memory, required_memory
+from ..compute.memory import available_memory, refuse_beyond_memory, required_memory
 from ..measure import Observables, tension_scale
 from ..mesh.layout import refuse_large_patch
 from ..results.finding import ResultWarning
@@ -91,10 +91,7 @@ def run_map(
         return CommandResult(0, contact_map.MapSummary.of(finished))
     variants = VariantModels(scene) if scene.variants.count > 1 else None
     first = build_model(scene) if variants is None else variants.of_place(0)  # raises before anything is removed
-    needed, available = required_memory(first.scene, first.node_count), available_memory()
-    if needed > available:
-        room = f"{needed / 2**30:.3g} GiB, {available / 2**30:.3g} GiB are available"
-        raise MemoryNeeded(f"sweep: a mesh of {first.node_count:,} nodes needs {room}; use a smaller mesh")
+    refuse_beyond_memory("sweep", first.scene, first.node_count)
     open_directory(out, scene, keep=keep)
     return _Mapper(scene, first, variants, out, progress or Display(), keep_states).run()
 
