@@ -430,8 +430,8 @@ def map_findings(result: MapSummary) -> Iterator[Finding]:
 
 def friction_findings(result: MapSummary) -> Iterator[Finding]:
     """The optimum with other frictions."""
-    by_tension = result.loads == "tensions"
     for name, means in vars(result.get("frictions", Values())).items():
+        by_tension = result.loads == "tensions"
         text = "; ".join(_texts(means, by_tension))
         friction = f"{FRICTIONS[name] * result.model.friction:g}"
         yield Finding(f"  with friction {friction}", f"{'strain' if by_tension else 'tension'} {text}", short=True)
