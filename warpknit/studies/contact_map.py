@@ -75,22 +75,14 @@ def columns_of(part: str, by_tension: bool = False) -> list[str]:
 
 def map_row(load: Pair, end: Record | Diverged, *, steps: int, by_tension: bool = False) -> MapRow:
     """Row of an equilibrium, or of a load that did not converge. load: strains, or (`by_tension`) tensions [N/m]."""
-    observables = end.observables if isinstance(end, Record) else None
-    strains: Sequence[float | None] = (None, None) if by_tension else load
-    if by_tension and observables is not None:
-        strains = (np.diag(observables.stretch) - 1.0).tolist()
-    names = [*NAMES["map"], *NAMES["details"]]
-    return MapRow(
-        **dict(zip(STRAINS, strains, strict=True)),
-        stop_reason="diverged" if observables is None else STEADY,
-        **dict.fromkeys(f"std_{name}" for name in SPREAD),
-        variants=0 if observables is None else 1,
-        steps=steps,
-        message="" if isinstance(end, Record) else str(end),
-        dissipated_J=end.dissipated if isinstance(end, Record) else None,
-        **(dict.fromkeys(names) if observables is None else table.values(observables, names)),
-        **(dict(zip(TARGETS, load, strict=True)) if by_tension else {}),
-    )
+    columns = [*columns_of("map", by_tension), *columns_of("details", by_tension)]
+    row = MapRow(**dict.fromkeys(columns) | dict(zip(TARGETS if by_tension else STRAINS, load, strict=True)) | {"steps": steps})
+    if isinstance(end, Diverged):
+        return row.changed(stop_reason="diverged", variants=0, message=str(end))
+    found = table.values(end.observables, [*NAMES["map"], *NAMES["details"]]) | {"dissipated_J": end.dissipated}
+    if by_tension:
+        found |= dict(zip(STRAINS, (np.diag(end.observables.stretch) - 1.0).tolist(), strict=True))
+    return row.changed(**found, stop_reason=STEADY, variants=1, message="")
 
 
 def write_map(rows: Sequence[MapRow], path: Path, details: Path) -> None:
@@ -128,19 +120,14 @@ def _mean(rows: Sequence[MapRow]) -> MapRow:
     def deviation(values: list[float]) -> float:
         return float(np.std(values, ddof=1))
 
-    measures = {name: over(name, np.mean) for name in (*NAMES["map"], *NAMES["details"])}
-    targets = dict(zip(TARGETS, rows[0].load, strict=True)) if rows[0].by_tension else {}
-    strains = {name: over(name, np.mean) if targets else rows[0].load[k] for k, name in enumerate(STRAINS)}
-    return MapRow(
-        **strains,
-        stop_reason=reason,
+    names = (*NAMES["map"], *NAMES["details"], "dissipated_J", *(STRAINS if rows[0].by_tension else ()))
+    return rows[0].changed(
+        **{name: over(name, np.mean) for name in names},
         **{f"std_{name}": over(name, deviation) if len(steady) > 1 else None for name in SPREAD},
+        stop_reason=reason,
         variants=len(steady),
         steps=sum(row.steps for row in rows),
         message=next((row.message for row in rows if row.message), ""),
-        dissipated_J=over("dissipated_J", np.mean),
-        **measures,
-        **targets,
     )
 
 
