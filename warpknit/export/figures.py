@@ -182,6 +182,7 @@ def _draw_hook(axes: Axes, layout: WireLayout, frames: Sequence[Frame]) -> None:
 
 
 UNFINISHED = ("diverged", "interrupted")  # stop reasons
+TENSIONS = ("tension_weft_N_per_m", "tension_warp_N_per_m")
 
 
 def export_figures(record: RunRecord) -> list[Path]:
@@ -200,26 +201,20 @@ def export_figures(record: RunRecord) -> list[Path]:
     if (heat := heat_figure([history], folder / "heat.png")) is not None:
         paths.append(heat)
     for name, frame in wanted:
-        title = state_title(frame, tension_of(history, frame.index), names_stage=len(stage_ends) > 1)
+        title = state_title(frame, numbers_of(history, frame.index, *TENSIONS), names_stage=len(stage_ends) > 1)
         if "p10_stress_max_Pa" in history:  # of several meshes
             title = f"{title}\nthe median mesh; tension and stress are means"
         if unfinished and frame is stage_ends[-1]:
             title = f"{title}\n{unfinished}"
         if tables := record.panel(frame.index):
             paths.append(panel_figure(tables, folder / name.replace("mesh", "panel"), title))
-        found = _numbers(history, frame.index, "stress_max_Pa", "stress_max_x_m", "stress_max_y_m")
+        found = numbers_of(history, frame.index, "stress_max_Pa", "stress_max_x_m", "stress_max_y_m")
         peak = found if found and found[0] > 0.0 else None
         paths.append(mesh_figure(record.layout, frame, folder / name, title, yield_stress=record.yield_stress, peak=peak))
     return paths
 
 
-def tension_of(history: Columns, index: int) -> tuple[float, float] | None:
-    """Tension [N/m] in weft and warp of a record; None where its history has none."""
-    found = _numbers(history, index, "tension_weft_N_per_m", "tension_warp_N_per_m")
-    return None if found is None else (found[0], found[1])
-
-
-def _numbers(history: Columns, index: int, *names: str) -> list[float] | None:
+def numbers_of(history: Columns, index: int, *names: str) -> list[float] | None:
     """The values of columns at a record; None where one is missing."""
     row = np.flatnonzero(history.get("index", np.zeros(0)) == index)
     if not len(row) or any(name not in history for name in names):

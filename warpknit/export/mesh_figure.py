@@ -327,7 +327,7 @@ def _colour_bar(figure: Figure, axes: Axes, mappable: Any, label: str, **options
     bar.outline.set_linewidth(0.5)
 
 
-def state_title(frame: Frame, tension: tuple[float, float] | None, *, names_stage: bool = False) -> str:
+def state_title(frame: Frame, tension: Sequence[float] | None, *, names_stage: bool = False) -> str:
     """Load of a state and its tension [N/m], weft and warp."""
     stage = f"{frame.stage}: " if names_stage else ""
     load = [f"{stage}strain weft {100.0 * frame.strain_weft:.1f} %, warp {100.0 * frame.strain_warp:.1f} %"]

@@ -27,8 +27,7 @@ LABEL_PLACES = (
     ((0, -11), "center"),
     ((0, 11), "center"),
 )  # of the cheapest preset, of others, of the dearest
-COLOURS = {"alone": GREY, "together": BLUE, "preset": ORANGE}
-SAID = {"alone": "one setting changed", "together": "several changed", "preset": "presets"}
+GROUPS = {"alone": (GREY, "one setting changed"), "together": (BLUE, "several changed"), "preset": (ORANGE, "presets")}
 
 
 def trade_figure(path: Path, rows: Sequence[Values], own: Sequence[float], *, title: str) -> Path:
@@ -44,7 +43,7 @@ def trade_figure(path: Path, rows: Sequence[Values], own: Sequence[float], *, ti
         place.set_ylabel("error [%]" if number else "error [points of %], none at the foot")
     for place in axes[2:]:
         place.set_xlabel("node-steps (those in double precision 1.8 times)")
-    handles = [Line2D([], [], marker="o", linestyle="none", color=COLOURS[group], label=SAID[group]) for group in COLOURS]
+    handles = [Line2D([], [], marker="o", linestyle="none", color=colour, label=label) for colour, label in GROUPS.values()]
     handles.append(Line2D([], [], color=GREEN, marker="o", markerfacecolor="none", label="Pareto front"))
     handles.append(Line2D([], [], color=GREY, linestyle=":", label="error of the reference itself"))
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize="small")
@@ -54,7 +53,7 @@ def trade_figure(path: Path, rows: Sequence[Values], own: Sequence[float], *, ti
 
 def _panel(place: Axes, rows: Sequence[Values], number: int, own: float) -> None:
     points = [(row.cost, max(LEAST, PERCENT[number] * astuple(row.errors)[number])) for row in rows]
-    for group, colour in COLOURS.items():
+    for group, (colour, _) in GROUPS.items():
         chosen = [k for k, row in enumerate(rows) if row.group == group]
         size = 60 if group == "preset" else 14
         costs, errors = [points[k][0] for k in chosen], [points[k][1] for k in chosen]

@@ -297,9 +297,9 @@ def under_strain(scene: Scene, gradient: np.ndarray) -> Stage:
     return replace(load, strain_weft=weft, strain_warp=warp, shear=shear, tension_weft=None, tension_warp=None)
 
 
-def under_tension(scene: Scene, tension: float, name: str = "equal tension") -> Stage:
+def under_tension(scene: Scene, tension: float) -> Stage:
     """The first load step of `scene`, with `tension` [N/m] in weft and warp."""
-    load = replace(scene.stages[0], strain_weft=None, strain_warp=None, shear=0.0, name=name)
+    load = replace(scene.stages[0], strain_weft=None, strain_warp=None, shear=0.0, name="equal tension")
     return replace(load, tension_weft=tension, tension_warp=tension)
 
 

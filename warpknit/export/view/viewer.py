@@ -28,7 +28,7 @@ from ...base.errors import ExportError, InputError
 from ...base.text import engineering, percent
 from ...knit.cloth import CLASS_NAMES
 from ...results.frame import Floats
-from ..figures import tension_of
+from ..figures import TENSIONS, numbers_of
 from ..mesh_figure import state_title, stress_colours
 from ..plots import scale_of
 from ..run_record import read_frame, read_run, state_files
@@ -282,13 +282,13 @@ class Viewer:
         state = state_title(self.frame, self._tension(), names_stage=True).replace("   ", "\n")
         return f"**{state}**\n{contacts}".replace("\n", "  \n")
 
-    def _tension(self) -> tuple[float, float] | None:
+    def _tension(self) -> list[float] | None:
         """[N/m] of the record in weft and warp; None where the history does not have it."""
         try:
             history = self.run.history()
         except ExportError:  # a run that has just begun
             return None
-        return tension_of(history, self.frame.index)
+        return numbers_of(history, self.frame.index, *TENSIONS)
 
     def _contact_text(self, shown: Drawing, contact: int) -> str:
         number, bodies = int(shown.number[contact]), self.layout.body_count
