@@ -35,10 +35,7 @@ BODY_COLOUR, RHOMBUS_COLOUR = "#111111", "#B00058"
 
 
 def knit_figure(cloth: Cloth, thickness: float, path: Path) -> Path:
-    """Draw REPEATS x REPEATS repeats of a cloth to a PNG file.
-
-    thickness: of the yarn [m]. Lines are never thinner than legible, so a thin wire looks thicker than it is.
-    """
+    """Draw REPEATS repeats each way of a cloth. thickness: of the yarn [m]; lines are never thinner than legible."""
     size = REPEATS * cloth.size * MM
     low, high, period = np.zeros(2), size, MM * np.diag(cloth.size)
     margin = 0.1 * size

@@ -98,10 +98,7 @@ def over_under(pieces: np.ndarray, colours: Any, width: float, points_per_mm: fl
 
 
 def tile_copies(points: np.ndarray, period: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Offsets (copy, 2) of visible copies of a tile, by its `points` (point, 2) between `low` and `high`.
-
-    The columns of `period` (2, 2) lead to the next copy.
-    """
+    """Offsets (copy, 2), by the columns of `period` (2, 2). Copies of `points` (point, 2) show between `low` and `high`."""
     corners = np.array([[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])])
     place, window = (np.linalg.solve(period, some.T).T for some in (points, corners))
     first = np.floor(window.min(axis=0) - place.max(axis=0)).astype(int)

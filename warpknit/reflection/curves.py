@@ -56,10 +56,7 @@ class Meeting:
 def find_gaps(
     curves: Sequence[Polyline], cell: np.ndarray, reach: float, window: float, contacts: Sequence[Meeting]
 ) -> list[Meeting]:
-    """Places where the distance of two curves is least, and below `reach` [m].
-
-    They are at least `window` [m] along either wire from contacts and from each other.
-    """
+    """Places of least distance, below `reach` [m]. Along the wires they are `window` [m] from contacts and each other."""
     segments = _Segments(curves)
     first, second, image, _ = near_images(0.5 * (segments.begin + segments.end), cell, reach + segments.size.max())
     is_other = (first != second) | image.any(axis=1)

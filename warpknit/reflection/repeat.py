@@ -35,10 +35,7 @@ class Repeat:
     row: np.ndarray  # [place] contact of `wires`; -1 for a place that joins a node to itself
 
     def contacts(self, wire: Wire, frequency: float, state: str, film: float = 0.0) -> np.ndarray:
-        """[contact] [S] admittances at a frequency [Hz]; 0 is open, inf perfect.
-
-        film: [Ohm] resistance in series with the constriction of each contact that touches.
-        """
+        """[contact] [S] admittances at a frequency [Hz]; 0: open, inf: perfect. film: [Ohm] in series with each that touches."""
         rows = len(self.wires.contact_node)
         if state != COMPUTED:
             return np.full(rows, np.inf if state == CLOSED else 0.0)

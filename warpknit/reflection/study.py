@@ -40,10 +40,7 @@ from .waves import Angles, Scattering, first_lobe
 
 
 def states_of(directory: Path) -> dict[int, Row]:
-    """Recorded states of a finished run or map whose files exist, by their number.
-
-    Raises RunDirectoryError for states without their contacts, of an earlier version.
-    """
+    """States of a run or map with files, by number. Raises RunDirectoryError for states of an earlier version."""
     path = directory / "history.csv"
     rows: Iterable[tuple[int, Row]] = enumerate(read_rows(path, Row)) if path.exists() else _cells(directory)
     there = {

@@ -119,10 +119,7 @@ def card_warnings(card: MaterialCard, scene: Scene) -> Iterator[ResultWarning]:
 
 
 def ahead_of_card(card: MaterialCard, first_yield: Event | None, jumps: Sequence[Jump]) -> str:
-    """Distance of its tension from the next snap-through and first yield, in words.
-
-    first_yield, jumps: under equal tensions, from smaller to larger ones.
-    """
+    """Distance of its tension from first yield and the next jump in words. Both are under rising equal tensions."""
     here = Row(
         tension_weft_N_per_m=card.tension_weft, tension_warp_N_per_m=card.tension_warp, temperature_K=card.temperature
     )  # fmt: skip

@@ -103,10 +103,7 @@ def _relaxation_parameters(base: Model, varied: Varied) -> Iterator[tuple[str, s
 
 
 def ramp_points(base: Model, varied: Varied, period: float, time_step: float) -> Iterator[Point]:
-    """A ramp in real time, then one of its parameters varied at a time.
-
-    `period` [s]: of the slowest mode; `time_step` [s]: the stable one at the ramp's masses.
-    """
+    """A ramp, then each parameter varied. period [s]: of the slowest mode; time_step [s]: the stable one of the ramp."""
     rate, preset = 2.0 * math.pi / period, base.scene.solver.preset
     drive = ("solver.drive", "ramp")
     yield Point("alone", "drive", (drive,), preset=preset)
