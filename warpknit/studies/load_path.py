@@ -263,8 +263,10 @@ def states_at(model: Mesh, gradients: Sequence[np.ndarray]) -> list[Observables 
 
     Each is reached proportionally from the mesh as knitted, at the temperature of the scene's first load step.
     """
-    loads = [Load(0, model, under_strain(model.scene, f)) for f in gradients]
-    return [one.error or one.records[-1].observables for one in follow(loads, model.scene.output.levels)]
+    count = len(gradients)
+    stages, levels = [under_strain(model.scene, f) for f in gradients], [model.scene.output.levels] * count
+    ends = dict(ends_of(knitted_worlds([model] * count, stages, levels)))
+    return [end if isinstance(end, Diverged) else end.observables for _, end in sorted(ends.items())]
 
 
 def _begun(

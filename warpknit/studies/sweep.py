@@ -23,6 +23,7 @@ from ..base.text import counted, percent
 from ..compute.device import find_device
 from ..compute.memory import available_memory, refuse_beyond_memory, required_memory
 from ..measure import Observables, tension_scale
+from ..measure.table import Record
 from ..mesh.layout import refuse_large_patch
 from ..results.finding import ResultWarning
 from ..results.frame import state_file
@@ -41,7 +42,7 @@ from ..solve.model import build_model
 from ..solve.variant_models import MOST_NODES, VariantModels
 from . import contact_map
 from .contact_map import STEADY, MapRow, Pair
-from .load_path import Load, ends_of, follow, knitted_worlds, share_done, with_frictions
+from .load_path import ends_of, knitted_worlds, share_done, with_frictions
 
 _log = logging.getLogger(__name__)
 
@@ -152,12 +153,16 @@ class _Mapper:
         if optimum is None or self.variants is None or not (meshes := with_frictions(self.variants)).again:
             return {}
         stage, levels = self.sweep.stage(self.scene.stages[0], optimum.load), dict(self._levels)[optimum.load]
-        loads, found = [Load(place, meshes.models[place], stage) for place in meshes.again], dict[int, Mapping[str, float]]()
+        models = {place: meshes.models[place] for place in meshes.again}
+        count, found = len(models), dict[int, Mapping[str, float]]()
         with suppress(Interrupted), self._interrupts.handled():
-            for place, one in zip(meshes.again, follow(loads, levels, lambda _load: self._interrupts.check()), strict=True):
-                if one.end is not None:
-                    row = contact_map.map_row(optimum.load, one.records[-1], steps=0, by_tension=self.sweep.by_tension)
-                    found[place] = vars(row)
+            simulation = knitted_worlds(
+                list(models.values()), [stage] * count, [levels] * count, lambda _load: self._interrupts.check()
+            )
+            for world, end in ends_of(simulation):
+                if isinstance(end, Record):
+                    row = contact_map.map_row(optimum.load, end, steps=0, by_tension=self.sweep.by_tension)
+                    found[list(models)[world]] = vars(row)
             rows = {mesh: rows.get(optimum.load) for mesh, rows in enumerate(self.maps)}
             found |= {mesh: vars(row) for mesh, row in rows.items() if row is not None and row.stop_reason == STEADY}
             means = {name: meshes.means(found, name) for name in COMPARED}
