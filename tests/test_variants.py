@@ -6,13 +6,14 @@ import math
 import numpy as np
 import pytest
 
-from reference.in_words import quantities
+from reference.in_words import quantities, table_of
 from reference.interrupted import assert_parts_are_the_whole
 from warpknit import build_model, load_run, load_scene, measure
 from warpknit.base.errors import Diverged
 from warpknit.knit.lapping import KnitError
 from warpknit.results.row import Row
 from warpknit.runner.run import run_scene
+from warpknit.runner.summary_table import summary_findings
 from warpknit.runner.variants import MeshValues, branch_of, mean_row, range_of, spreads, wanted
 from warpknit.scene import Scene
 from warpknit.solve.relax import Relaxation
@@ -191,6 +192,14 @@ def test_a_run_is_the_mean_of_its_meshes_with_the_states_of_the_median_one(tmp_p
     assert np.array_equal(run.states[-1].node_stress, expected)
     assert len(run.states) == len(run.history["load_factor"]) == 3
     assert run.scene == scene and run.summary["scene"]["hash"] == scene.hash
+
+
+@pytest.mark.parametrize(("count", "kind"), [(1, "spatial"), (2, "spatial"), (1, "planar")])
+def test_the_error_of_one_mesh_is_unknown_where_others_would_differ(count: int, kind: str, tmp_path):
+    summary = run_scene(scene_of(count, kind), out=tmp_path / "run", device="cpu").summary
+    is_one_of_many = (count, kind) == (1, "spatial")
+    assert summary.model.one_of_many is is_one_of_many
+    assert ("estimated error" in table_of(summary_findings(summary))) is is_one_of_many
 
 
 def test_meshes_of_several_repeats_have_a_layout_of_their_own(tmp_path):

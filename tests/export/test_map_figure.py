@@ -98,6 +98,7 @@ def test_maps_without_contrast_are_drawn(tmp_path, values):
 def test_lines_of_a_share_run_along_the_edges_of_cells(tmp_path, monkeypatch):
     """A line of 50 % lies on the edge between two cells if one of them reaches 50 % and the other does not, and on no other."""
     drawn = []
+    monkeypatch.setattr(module, "FEW_LOADS", 0)
     monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
     shares = np.array([[0.0, 45.0, 90.0], [45.0, 90.0, 90.0], [10.0, 60.0, 100.0]])
     draw(tmp_path / "a.png", shares)
@@ -110,6 +111,26 @@ def test_lines_of_a_share_run_along_the_edges_of_cells(tmp_path, monkeypatch):
                 between = 0.5 * np.array([middle[column] + middle[other[1]], middle[row] + middle[other[0]]])
                 is_edge = (shares[row, column] >= 50.0) != (shares[other] >= 50.0)
                 assert distance(path, between) < 0.01 if is_edge else distance(path, between) > 1.0
+
+
+@pytest.mark.parametrize("unit", ["% of pairs", "Pa"])
+def test_values_of_few_loads_stand_beside_them(unit, tmp_path, monkeypatch):
+    """One for each load that is known, on its side of the map; larger maps have lines instead."""
+    drawn = []
+    monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
+    holed = np.where(RISING == RISING[1, 1], np.nan, RISING)
+    for values in (holed, np.arange(49.0).reshape(7, 7)):
+        axis = np.linspace(0.0, 0.1, len(values))
+        marks = Marks(stress=values, yield_stress=1e9, optimum=None)
+        map_figure(tmp_path / "a.png", axis, axis, values, title="", label="", unit=unit, marks=marks)
+    few, many = (figure.axes[0] for figure in drawn)
+    found = {tuple(np.round(text.xy, 6)): float(text.get_text()) for text in few.texts}
+    expected = {(5.0 * j, 5.0 * i): holed[i, j] for i, j in np.ndindex(3, 3) if np.isfinite(holed[i, j])}
+    assert found == pytest.approx(expected)
+    few.figure.draw_without_rendering()
+    assert all(few.bbox.contains(*corner) for text in few.texts for corner in text.get_window_extent().corners())
+    assert not any(isinstance(item, QuadContourSet) for item in few.collections)
+    assert any(isinstance(item, QuadContourSet) for item in many.collections)
 
 
 def distance(path, place: np.ndarray) -> float:
@@ -125,6 +146,7 @@ def distance(path, place: np.ndarray) -> float:
 def test_names_of_lines_are_read_at_a_glance(tmp_path, monkeypatch, cells: int, unit: str):
     """In maps full of lines and marks the boxes of the names are inside the map, and meet neither each other nor a mark."""
     drawn = []
+    monkeypatch.setattr(module, "FEW_LOADS", 0)
     monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
     strains = np.linspace(0.0, 0.1, cells)
     values = 100.0 * np.random.default_rng(cells).random((cells, cells))
@@ -174,6 +196,7 @@ def test_no_line_of_equal_value_runs_through_a_cell_with_a_jump() -> None:
 def test_each_line_of_a_stress_has_its_own_value(tmp_path, monkeypatch):
     """204 MPa below and 608 MPa above: lines of 300, 400, 500 and 600 MPa lie where a straight line between both has them."""
     drawn = []
+    monkeypatch.setattr(module, "FEW_LOADS", 0)
     monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
     stress = 1e6 * np.array([[0.0, 0.0, 0.0], [204.0, 204.0, 204.0], [608.0, 608.0, 608.0]])
     marks = Marks(stress=stress, yield_stress=1e9, optimum=None)
@@ -214,6 +237,7 @@ def test_lines_that_would_merge_are_left_out(tmp_path, monkeypatch):
 def test_stubs_of_lines_are_left_out(tmp_path, monkeypatch):
     """Values rise along the diagonal: of the lines of 0.4, 5 and 9.6 cells the first and the last cut a corner in 0.57 cells."""
     drawn = []
+    monkeypatch.setattr(module, "FEW_LOADS", 0)
     monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
     monkeypatch.setattr(module.MaxNLocator, "tick_values", lambda self, low, high: np.array([0.4, 5.0, 9.6]))
     cells = np.arange(6.0)
@@ -245,6 +269,7 @@ def test_jumps_are_the_edges_between_their_cells(tmp_path, monkeypatch) -> None:
 def test_a_line_of_several_levels_has_the_name_of_the_highest(tmp_path, monkeypatch) -> None:
     """From 0 to 60 % at one edge: the line of 10, 25 and 50 % is named 50 %."""
     drawn = []
+    monkeypatch.setattr(module, "FEW_LOADS", 0)
     monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
     draw(tmp_path / "a.png", np.array([[0.0, 60.0, 60.0]] * 3))
     assert [text.get_text() for text in drawn[0].axes[0].texts if text.get_visible()] == ["50 %"]
@@ -253,6 +278,7 @@ def test_a_line_of_several_levels_has_the_name_of_the_highest(tmp_path, monkeypa
 def test_colours_between_loads_are_those_of_the_lines(tmp_path, monkeypatch):
     """Where all loads are known and none jumps; else, and for shares, a tile is one load."""
     drawn = []
+    monkeypatch.setattr(module, "FEW_LOADS", 0)
     monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
     holed = np.where(RISING == RISING[1, 1], np.nan, RISING)
     jumps = [((STRAINS[0], STRAINS[0]), (STRAINS[1], STRAINS[0]))]
@@ -266,6 +292,7 @@ def test_colours_between_loads_are_those_of_the_lines(tmp_path, monkeypatch):
 
 def test_a_map_of_one_value_says_it(tmp_path, monkeypatch):
     drawn = []
+    monkeypatch.setattr(module, "FEW_LOADS", 0)
     monkeypatch.setattr(module, "save_figure", lambda figure, path: drawn.append(figure))
     marks = Marks(stress=RISING, yield_stress=1e9, optimum=None, is_assumed=True)
     for values in (np.zeros((3, 3)), RISING):

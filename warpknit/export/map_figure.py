@@ -42,9 +42,13 @@ LEAST_LINE = 0.75  # cells: shorter pieces of lines between jumps are left out
 LINES_APART = 10.0  # [pt] between lines of equal value, which is the height of a name: nearer ones are left out
 LINES: Mapping[str, Any] = {"colors": "white", "linewidths": 0.9}
 LOAD_SIZE = 10.0  # [pt2] of the dot at a load
+UNDER_TEXT: Mapping[str, Any] = {"linewidth": 2.0, "foreground": "#404040"}
 ON_COLOURS: Mapping[str, Any] = {"linewidth": 3.0, "foreground": "white"}
 STEP = 1e-5  # of the map, on either side of the edge of a cell
 REACHES = 1e-9  # of the largest share: a share this little below a line has reached it
+FEW_LOADS = 36  # of a map: their values are written beside them, in place of lines of equal value
+VALUE_AWAY = 9.0  # [pt] of a value from its load, on the side of the middle of the map
+ON_MAP: Mapping[str, Any] = {"color": "white", "fontsize": "small", "zorder": 6.0}
 TITLE_PAD = 14.0  # [pt] room for the mark of an optimum at the upper edge
 TICK_PAD = 8.0  # [pt] the same at the other edges
 WARNING_WIDTH = 100  # characters of a line
@@ -81,7 +85,8 @@ def map_figure(
 
     unit: of the values, which are in SI; percent otherwise. Shares (SHARES) have colours from 0 to 100, and lines along the edges
     of cells. Lines of other quantities and of the elastic limit go between the loads, and colours too where all loads are known
-    and no jumps. Colours of forces end at the largest below the elastic limit. A tile is one cell, half of it at the edges.
+    and no jumps. Maps of few loads have tiles, and the values beside the loads. Colours of forces end at the largest below the
+    elastic limit. A tile is one cell, half of it at the edges.
     `warnings` stand on top.
     """
     x, y = np.asarray(weft, dtype=float), np.asarray(warp, dtype=float)
@@ -95,7 +100,8 @@ def map_figure(
         factor, unit = scale_of(unit, np.array([low, top]))
         known, low, top = factor * known, factor * low, factor * top
     look: dict[str, Any] = {"cmap": "viridis", "vmin": low, "vmax": top}
-    if percent or known.mask.any() or marks.jumps or min(values.shape) < 2:
+    few = known.size <= FEW_LOADS
+    if few or percent or known.mask.any() or marks.jumps or min(values.shape) < 2:
         tiles = axes.pcolormesh(_edges(x), _edges(y), known, **look)
     else:  # colours between the loads, as the lines
         tiles = axes.pcolormesh(x, y, known, shading="gouraud", **look)
@@ -105,11 +111,13 @@ def map_figure(
     bar.set_label(f"{label} [{unit}]")
     if known.mask.all():
         axes.text(0.5, 0.5, "no converged state", transform=axes.transAxes, ha="center", va="center")
-    elif float(known.min()) == float(known.max()):
+    elif float(known.min()) == float(known.max()) and not few:
         one = f"{float(known.min()):.3g} {unit}{'' if known.mask.any() else ' at every load'}"
         axes.text(0.5, 0.5, one, transform=axes.transAxes, ha="center", va="center", path_effects=[withStroke(**ON_COLOURS)])
     lines = None
-    if known.count() and min(values.shape) > 1:
+    if few:
+        _write_values(axes, x, y, known)
+    elif known.count() and min(values.shape) > 1:
         lines = _draw_levels(axes, bar, x, y, known if percent else _smooth(known, x, y, marks, of_load[0]), top, percent)
     handles = loads + _draw_marks(axes, x, y, marks, tiles.to_rgba, of_load)
     if known.mask.any():
@@ -169,6 +177,18 @@ def _draw_levels(
     return drawn, {level: f"{level:g}{' %' if percent else ''}" for level in shown}
 
 
+def _write_values(axes: Axes, x: np.ndarray, y: np.ndarray, known: np.ma.MaskedArray[Any, Any]) -> None:
+    """Write each known value (warp, weft) beside its load."""
+    for row, column in np.argwhere(~np.ma.getmaskarray(known)).tolist():
+        right, up = (int(k == 0) - int(k == n - 1) if n > 1 else 0 for k, n in ((column, len(x)), (row, len(y))))
+        place, away = (x[column], y[row]), (VALUE_AWAY * right, VALUE_AWAY * (up or 1))
+        side: dict[str, Any] = {"ha": {0: "center", 1: "left", -1: "right"}[right], "va": "top" if up < 0 else "bottom"}
+        axes.annotate(
+            f"{known[row, column]:.3g}", place, away, textcoords="offset points", path_effects=[withStroke(**UNDER_TEXT)], **side,
+            **ON_MAP,
+        )  # fmt: skip
+
+
 def _drop_stubs(drawn: ContourSet, x: np.ndarray, y: np.ndarray) -> bool:
     """Remove open lines of equal value shorter than LEAST_LINE cells; whether any is left."""
     cell = np.array([np.ptp(x) / (len(x) - 1), np.ptp(y) / (len(y) - 1)])
@@ -212,8 +232,8 @@ def _name_lines(axes: Axes, drawn: ContourSet, names: dict[float, str]) -> None:
         for line in axes.get_lines()
         for place in axes.transData.transform(line.get_xydata())
     ]
-    for label in drawn.clabel(fmt=names, inline=False, colors="white", fontsize="small"):
-        label.set(rotation=0.0, zorder=6.0, path_effects=[withStroke(linewidth=2.0, foreground="#404040")])
+    for label in drawn.clabel(fmt=names, inline=False):
+        label.set(rotation=0.0, path_effects=[withStroke(**UNDER_TEXT)], **ON_MAP)
         box = label.get_window_extent()
         if any(map(box.overlaps, taken)) or not all(axes.bbox.contains(*corner) for corner in box.corners()):
             label.remove()

@@ -19,6 +19,7 @@ from ..measure.table import Record
 from ..mesh.rim import build_rim
 from ..results.finding import ResultWarning
 from ..results.row import Columns, Row, Values, plain, valued
+from ..scene.scene import may_vary
 from .answers import Answers, answers_of
 from .branches import jumps_of
 from .history import ends_of
@@ -168,6 +169,7 @@ def run_summary(
             kind_reason=scene.kind_reason,  # reason: chosen in the scene, the default, or a feature of the planar model only
             source="hook" if scene.hook is not None else "knit" if scene.wires is None else "wires",
             warnings=of_model,  # why the model is not valid for this mesh, most serious first; also in `warnings`
+            one_of_many=variants is None and may_vary(scene),  # whether meshes of other loops have other results
             boundary=scene.model.boundary,  # `periodic`, `gripped` or the boundary of wires from a file
             precision=model.precision.name,  # `single` or `double`
             wires=len(panel.wire_first),  # wires of the mesh

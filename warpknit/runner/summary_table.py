@@ -60,6 +60,8 @@ def summary_findings(result: Summary) -> Iterator[Finding]:
         yield from _variants_findings(variants, end)
     if result.estimate.error is not None:
         yield _error_finding(result.estimate, end)
+    elif model.get("one_of_many"):
+        yield Finding("estimated error", "unknown for one mesh; leave out variants.count for a mean and its error", short=True)
     if result.spatial_model is not None:
         yield _spatial_finding(result.spatial_model)
     meshes = "" if variants is None else f" in each of {variants.count} meshes"

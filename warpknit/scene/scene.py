@@ -224,6 +224,12 @@ class Scene:
 RESOLVED = "# Left to the model and the solver:"  # begins every resolved scene
 
 
+def may_vary(scene: Scene | SceneFile) -> bool:
+    """Whether meshes of a scene can have loops, friction and wire of their own: it is a tile, and relaxed."""
+    is_tile = scene.hook is None and scene.wires is None and scene.model.boundary == "periodic"
+    return is_tile and scene.model.of_kind.own_loops and scene.solver.drive == "relax"
+
+
 def resolved_toml(scene: Scene) -> str:
     """The scene as a TOML file with all defaults in SI units; it loads to an equal scene.
 

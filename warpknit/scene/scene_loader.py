@@ -27,7 +27,7 @@ from .options import GIVEN, TREATMENT_KEYS, Contact, ModelOptions, Solver, Varia
 from .overrides import as_list, with_overrides
 from .panel_options import PanelOptions, covering_repeats, panel_options
 from .presets import PRESETS, Preset
-from .scene import FILE, Overrides, Scene, SceneFile, resolved_toml
+from .scene import FILE, Overrides, Scene, SceneFile, may_vary, resolved_toml
 from .stages import file_diameter, hook_of, stages_of, wire_file
 from .units import has_unit, is_quantity, shown
 from .values import LINKS
@@ -309,9 +309,8 @@ def _contact(source: Source, file: SceneFile, wire: Wire) -> Contact:
 def _variants(file: SceneFile, *, of_one_mesh: bool) -> Variants:
     if file.variants.count is not None:
         return file.variants
-    is_tile = file.hook is None and file.wires is None and file.model.boundary == "periodic" and file.model.of_kind.own_loops
     differ = file.variants.scatter or file.variants.friction or file.variants.wire
-    several = is_tile and differ and not of_one_mesh and file.solver.drive == "relax" and not file.knit.scatter
+    several = may_vary(file) and differ and not of_one_mesh and not file.knit.scatter
     return replace(file.variants, count=VARIANTS if several else 1)
 
 
