@@ -73,7 +73,7 @@ def knit_figure(cloth: Cloth, thickness: float, path: Path) -> Path:
     title = f"{REPEATS} x {REPEATS} repeats of {cloth.wales} x {cloth.courses} stitches (wales x courses)"
     title += f"\n{cloth.wire_length * MM:.3g} mm of wire per loop ({cloth.stitch_length * MM:.3g} mm in plan view)"
     title += f"\nper repeat {counted(len(cloth.clasps), 'clasp')}, {2 * len(cloth.clasps)} pairs"
-    title += "\na letter is midway between the two wires of its clasp"
+    title += "\nseen from the technical face\na letter is midway between the two wires of its clasp"
     wide = int(np.clip(figure.get_figwidth() // LEGEND_COLUMN, 1, len(handles)))
     figure.legend(handles=handles, title=title, ncols=wide, loc="outside lower center", **LEGEND)
     figure.set_figheight(figure.get_figheight() + LEGEND_ROW * -(-len(handles) // wide))
