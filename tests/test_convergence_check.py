@@ -5,7 +5,7 @@ import pytest
 
 from warpknit.compute.kept import Owner, restore, save
 from warpknit.mechanics.protocols import Drift
-from warpknit.solve.convergence import PATIENCE, RESTART_RATIO, Convergence
+from warpknit.solve.equilibrium import PATIENCE, RESTART_RATIO, Convergence
 
 TOLERANCE = 1e-3
 STILL = np.zeros((2, 2))

@@ -374,7 +374,7 @@ def test_corrections_move_no_further_than_their_imbalance_is_worth(monkeypatch: 
     monkeypatch.setattr(membrane, "move", lambda correction: moved.append(correction.grid[0, 0]))
     monkeypatch.setattr(drive, "advance", lambda steps: None)
     for tolerances, parts in ((0.5, 0), (3.0, 3)):
-        stress = tolerances * MEMBRANE_TOLERANCE * drive.least_tension
+        stress = tolerances * MEMBRANE_TOLERANCE * drive.equilibrium.convergence.least_tension
         correction = Correction(grid, np.zeros((0, 2)), share), stress
         monkeypatch.setattr(
             membrane, "solve", lambda *edge, whole=correction: (whole[0].scaled(([1.0, *edge[1:]])[-1]), whole[1])

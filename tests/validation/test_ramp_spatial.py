@@ -86,7 +86,7 @@ def test_masses_make_the_wanted_step_stable() -> None:
     for wanted, scaling in ((2e-6, 1.0), (None, 1.0), (None, 1e4)):
         options = [] if wanted is None else [f"solver.target_time_step={wanted}"]
         numbers = build_model(load_scene(CELL, [*RAMP, *options, f"solver.mass_scaling={scaling}"]))
-        assert numbers.ramp.rates.twist <= 1.01 * TWIST_SHARE * numbers.ramp.rates.all
+        assert numbers.ramp.rates["twist"] <= 1.01 * TWIST_SHARE * numbers.ramp.rates["all"]
         if wanted is None:
             assert numbers.added_mass == pytest.approx(scaling - 1.0, rel=1e-9, abs=1e-12)
         else:

@@ -23,7 +23,7 @@ from tight_knits import scene_of as tight_scene
 from warpknit.knit.lapping import lapping_table
 from warpknit.runner.history import row_of
 from warpknit.runner.warnings_of import warnings_of
-from warpknit.solve.convergence import PATIENCE, PATIENCE_NODES, patience_of
+from warpknit.solve.equilibrium import PATIENCE, PATIENCE_NODES, patience_of
 from warpknit.solve.model import build_model
 
 DRAFT = "solver.preset=draft"

@@ -9,7 +9,7 @@ from warpknit.compute.host import fetch
 from warpknit.compute.launch import bind
 from warpknit.kernels.banded_mass import NEXT, PIVOT, SECOND, factor_masses
 from warpknit.mechanics.numerics import LOOK_AHEAD, MASS_MARGIN
-from warpknit.spatial.rod_arrays import motion_launch
+from warpknit.spatial.rod_arrays import StepForces, motion_launch
 from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, rods_of
@@ -56,7 +56,7 @@ def test_accelerations_are_those_of_the_dense_matrices() -> None:
     stepper.state.force.assign(force)
     stepper.state.torque.assign(torque)
     stepper.state.steering.set(velocity_factor=0.0, force_factor=1.0)
-    motion_launch(stepper.arrays, stepper.state).run("cpu")
+    motion_launch(stepper.arrays, stepper.state, range(len(stepper.rods.wire_first)), StepForces.of(stepper.state)).run("cpu")
     mass, spin = dense(rods, masses)
     found = stepper.state.velocity.numpy()
     for k in range(3):

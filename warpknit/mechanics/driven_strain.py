@@ -29,7 +29,7 @@ LEAST_TENSION = 0.01  # of EI/C^3: below it tensions count as zero
 class DrivenStrain:
     """Strains of worlds; arrays (world, direction), weft and warp."""
 
-    KEPT = ("wanted", "_mass", "_stiffness", "_checks", "_begun", "_last_strain", "_last_force", "_carried", "tension", "largest")
+    KEPT = ("wanted", "_mass", "_stiffness", "_checks", "_begun", "_last_strain", "_last_force", "carried", "tension", "largest")
 
     def __init__(self, group: Any, worlds: int, rigidity: float) -> None:
         """group: the `Worlds` (worlds.py) of these strains; rigidity [N m]: sum of EA times length over the wires of a world."""
@@ -45,7 +45,7 @@ class DrivenStrain:
         # convergence checks of all levels, so that worlds that begin together probe together; and when this level began
         self._checks, self._begun = np.zeros((2, worlds), dtype=int)
         self._last_strain, self._last_force = np.full((2, worlds, 2), np.nan)  # at the last convergence check
-        self._carried = np.zeros((worlds, 2))  # [N/m] by the affine stiffness, by which strains have changed tensions
+        self.carried = np.zeros((worlds, 2))  # [N/m] by the affine stiffness, by which strains have changed tensions
         strain_range = PATH_STRAIN if model.scene.depends_on_path else np.inf  # from one equilibrium to the next
         self._steering.set(
             None, cell_area=self._area, stress_unit=rigidity / COUNTS, strain_limit=STRAIN_LIMIT, strain_range=strain_range
@@ -153,7 +153,7 @@ class DrivenStrain:
         work[which] = -self._area * np.sum(moved * np.where(is_known, force - self._last_force[own], 0.0), axis=1)
         energy[which] = self._area * np.sum(self._mass[own] * moved**2, axis=1)
         self.tension[own], self._last_strain[own], self._last_force[own] = tension, strain, force
-        self._carried[own] += np.diagonal(self._stiffness[own], axis1=1, axis2=2) * moved
+        self.carried[own] += np.diagonal(self._stiffness[own], axis1=1, axis2=2) * moved
         return work, energy
 
     def ratio(self, rows: np.ndarray) -> np.ndarray:
@@ -169,9 +169,3 @@ class DrivenStrain:
         moves = self.driven(rows) & ~rests[:, None]
         speed = np.where(moves, self._steering.strain_speed[rows], 0.0)
         self._steering.set(rows, is_driven=moves, strain_speed=speed)
-
-    def settled(self, rows: np.ndarray, stress: np.ndarray) -> np.ndarray:
-        """(row, 2, 2) [N/m] stress less what strains add by the affine stiffness: at rest only where the strains are, too."""
-        settled = stress.copy()
-        settled[:, [0, 1], [0, 1]] -= self._carried[rows]
-        return settled

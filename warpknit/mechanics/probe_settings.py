@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 
 from ..scene import Scene
@@ -41,14 +39,7 @@ class Varied:
     axial_softening: tuple[float, ...]
     residual_tolerance: tuple[float, ...]
     ramp_nodes_per_loop: tuple[int, ...]
-    combined: tuple[Setting, ...]  # settings that differ in several parameters
-
-
-def combined(
-    nodes_per_loop: Iterable[int], axial_softening: Iterable[float], residual_tolerance: Iterable[float], precision: str
-) -> tuple[Setting, ...]:
-    """All combinations of the parameters with the largest effect on cost."""
-    return tuple(Setting(*each, precision) for each in itertools.product(nodes_per_loop, axial_softening, residual_tolerance))
+    combined: tuple[Setting, ...]  # all combinations of the parameters with the largest effect on cost
 
 
 def edge_of(scene: Scene) -> str:

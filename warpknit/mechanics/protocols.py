@@ -11,7 +11,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..base.text import engineering
 from ..compute.kept import Owner
 from ..measure import MeshModel
 from ..mesh.rim import LoadPoint, Rim
@@ -124,11 +123,6 @@ class Mechanics(Protocol):
         """Update the history variables (friction, yield) from an equilibrium."""
 
     @property
-    def has_load(self) -> bool:
-        """Whether the whole load is applied: with a history, strains have a limit from one equilibrium to the next."""
-        return not self.group.strains.at_limit(self.rows).any()
-
-    @property
     def dissipated(self) -> float:
         """[J] dissipated since the start by friction and yield."""
 
@@ -171,7 +165,8 @@ class Mechanics(Protocol):
         return np.asarray(self.group.stress(self.rows)[0])
 
     def causes(self) -> str:
-        """Likely causes of non-convergence, after a comma; may be empty."""
+        """Likely causes of non-convergence beside the stress, after a comma; may be empty."""
+        return ""
 
     def is_in_equilibrium(self, load: LoadPoint) -> bool:
         """Whether the mesh is as knitted, without load, stress and overlaps; overlaps are added to `notes`."""
@@ -231,8 +226,3 @@ class Mechanics(Protocol):
     def renew_damping(self) -> None:
         """Set the damping by the motion of the last steps."""
         return
-
-
-def strength_exceeded(stress: float, strength: float) -> str:
-    """Cause of non-convergence, after a comma: stress [Pa] above the strength; else empty."""
-    return f", wire stress {engineering(stress, 'Pa')} exceeds the strength" if stress > strength else ""

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from ..compute.kept import strip_prefix
 from .protocols import Mechanics
 
 STRAIN = 2e-3  # strain increment of the finite differences
@@ -18,12 +17,14 @@ UNCERTAINTY = 2.0  # the same over a negative one: in slack cloth the uncertaint
 # nominal stress (2, 2) [N/m] of one periodic repeat in equilibrium at a deformation gradient (2, 2) and a temperature [K], and
 # what describes its state (`Mechanics.state_variables`)
 CellState = Callable[[np.ndarray, float], tuple[np.ndarray, dict[str, np.ndarray]]]
-OF_BODIES, KEPT = "body_", "response_"  # beginnings of names: of fields of bodies, and in a checkpoint
+OF_BODIES = "body_"  # beginning of the names of fields of bodies
 
 
-@dataclass(frozen=True)
+@dataclass
 class Response:
     """Derivatives of endless cloth by its deformation gradient F at a load; see `find_response`."""
+
+    KEPT = ("tangent", "change")
 
     tangent: np.ndarray  # (2, 2, 2, 2) [N/m] dP/dF, symmetric and positive; zero before the first load
     cell_node: wp.array  # [entry of the rest table] node of the repeat
@@ -33,10 +34,6 @@ class Response:
     def of(self, name: str) -> wp.array:
         """(4, ...) derivative of a field; zero for one that does not respond."""
         return self.change.get(name, self.no_change)
-
-    def state_dict(self) -> dict[str, np.ndarray]:
-        """Arrays for a checkpoint."""
-        return {f"{KEPT}tangent": self.tangent} | {f"{KEPT}{name}": v.numpy().copy() for name, v in self.change.items()}
 
 
 def find_response(cell_at: CellState, cell: Any, gradient: np.ndarray, temperature: float, device: str) -> Response:
@@ -72,12 +69,6 @@ def zero_response(repeat: Mechanics, device: str) -> Response:
     """Zero response of one repeat, for a mesh on the device."""
     change = {name: np.zeros((4, len(value))) for name, value in repeat.state_variables().items()}
     return _response(np.zeros((2, 2, 2, 2)), change, repeat.model, device)
-
-
-def load_response(kept: dict[str, np.ndarray], cell: Any, device: str) -> Response:
-    """Response of the model `cell` from its `state_dict`, for a mesh on the device."""
-    change = strip_prefix(KEPT, kept)
-    return _response(change.pop("tangent"), change, cell, device)
 
 
 def _response(tangent: np.ndarray, change: dict[str, np.ndarray], cell: Any, device: str) -> Response:

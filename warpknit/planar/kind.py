@@ -6,10 +6,11 @@ Its parts, its description for `warpknit plan`, and the settings of its probe ru
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 
 from ..base.text import engineering, rounded
 from ..knit.cloth import Cloth
-from ..mechanics.probe_settings import SOFTENING, Setting, Varied, combined, edge_of
+from ..mechanics.probe_settings import SOFTENING, Setting, Varied, edge_of
 from ..scene import Scene
 from .mechanics import PlanarWorlds as worlds
 from .model import Model, build_model
@@ -48,18 +49,12 @@ def fine(scene: Scene) -> Setting:
     return Setting(FINE[edge_of(scene)], 64.0 if scene.hook is not None else 300.0, TOLERANCE, "double")
 
 
-def reference(scene: Scene, nodes: int) -> tuple[int, float]:
-    """Nodes a loop (or segments of a hooked wire) and tolerance of a trade's reference."""
-    finest = HOOK_REFERENCE if scene.hook is not None else next(n for most, n in REFERENCE if nodes <= most)
-    return finest, TOLERANCE
-
-
 def varied(scene: Scene, softening: float) -> Varied:
     """Values that a trade tries."""
     is_hook = scene.hook is not None
     nodes = VARIED_NODES + (VARIED_HOOK_NODES if is_hook else ())
-    together = combined(*COMBINED, "double" if is_hook else "single")
-    return Varied(nodes, VARIED_SOFTENINGS, VARIED_TOLERANCES, RAMP_NODES, together)
+    combined = tuple(Setting(*each, "double" if is_hook else "single") for each in product(*COMBINED))
+    return Varied(nodes, VARIED_SOFTENINGS, VARIED_TOLERANCES, RAMP_NODES, combined)
 
 
 def accuracy(scene: Scene) -> str:

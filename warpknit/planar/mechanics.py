@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
-from .. import measure
 from ..compute.host import fetch
 from ..compute.kept import Owner
 from ..compute.launch import bind
@@ -17,7 +16,7 @@ from ..kernels.contact_friction import stick_contacts
 from ..kernels.multiplier_update import extrapolate, extrapolate_held_bodies
 from ..measure import force_scale
 from ..mechanics.numerics import CHECK_STEPS
-from ..mechanics.protocols import Check, Drift, Mechanics, strength_exceeded
+from ..mechanics.protocols import Check, Drift, Mechanics
 from ..mechanics.worlds import Worlds
 from ..mesh.rim import LoadPoint
 from .diagnostics import Diagnostics, SlowestMode, Sums, is_lost_in_round_off, residual
@@ -219,8 +218,7 @@ class PlanarMechanics(Mechanics):
         return self.group.diagnostics.sums(self.rows)
 
     def causes(self) -> str:
-        strength, stress = self.model.scene.wire.tensile_strength, measure.largest_stress(self.observe())
-        causes = strength_exceeded(stress, strength)
+        causes = ""
         if is_lost_in_round_off(self.group.model, self._sums, fetch(self.group.state.wire_axial)[self.rows])[0]:
             name = self.model.precision.name
             causes += f", round-off in {name} precision exceeds the forces: set solver.precision = 'double'"

@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import measure
 from ..base.errors import Diverged, Overlapped
-from ..base.text import percent
+from ..base.text import engineering, percent
 from ..compute.kept import Kept, Owner, restore, save
 from ..measure.strain import EdgeWork, clamp_rotation, rotation, true_stress
 from ..measure.table import Record
@@ -177,12 +177,19 @@ class Drive(ABC):
         """Error of wires that may have crossed, by overlap over thickness; or None."""
         if overlap <= MAX_OVERLAP or self.mechanics.may_overlap:
             return None
-        causes = self.mechanics.causes()
+        causes = self._causes()
         remedy = "raise" if not causes else "give a smaller load, or raise"
         return Overlapped(
             f"wires overlap by {overlap:.2g} of their thickness at step {self.progress.steps}, {self._where()},"
             f" {self.mechanics.deepest_overlap()}{causes}; {remedy} {self.rate_key} or contact.stiffness"
         )
+
+    def _causes(self) -> str:
+        """Likely causes of non-convergence, after a comma; may be empty."""
+        observed, strength = self.mechanics.observe(), self.scene.wire.tensile_strength
+        stress = self.model.ranks.from_first(lambda: measure.largest_stress(observed))
+        exceeded = f", wire stress {engineering(stress, 'Pa')} exceeds the strength" if stress > strength else ""
+        return exceeded + self.mechanics.causes()
 
     def _where(self) -> str:
         strain = np.diag(self.state.gradient) - 1.0

@@ -14,14 +14,12 @@ import numpy as np
 
 from ..base.errors import Diverged, NoProgress, Overlapped
 from ..compute.kept import Kept, Owner, strip_prefix
-from ..measure import tension_scale
 from ..measure.strain import EdgeWork, strain_text
 from ..mechanics.numerics import renewed_throttle
 from ..mechanics.protocols import Mechanics
-from ..mechanics.response import find_response, load_response, zero_response
+from ..mechanics.response import find_response, zero_response
 from ..mesh.rim import PATH_STRAIN, LoadPoint, Rim, build_rim
 from ..scene import Stage
-from .convergence import TENSION_FLOOR
 from .membrane import (
     CORRECTION_CHECKS,
     CORRECTION_GAIN,
@@ -117,7 +115,7 @@ class MultilevelRelaxation(Relaxation):
 
     @property
     def owners(self) -> list[Owner]:
-        return [*super().owners, *([] if self.prolongation is None else [Owner(self.prolongation)])]
+        return [*super().owners, Owner(self._response), *([] if self.prolongation is None else [Owner(self.prolongation)])]
 
     @property
     def _others(self) -> dict[str, Relaxation]:
@@ -126,7 +124,7 @@ class MultilevelRelaxation(Relaxation):
         return {name: one for name, one in named.items() if one is not None}
 
     def state_dict(self, *, copied: bool = True) -> Kept:
-        kept = super().state_dict(copied=copied) | self._response.state_dict()
+        kept = super().state_dict(copied=copied)
         for name, one in self._others.items():
             kept |= {f"{name}_{key}": value for key, value in one.snapshot().items()}
         return kept
@@ -135,8 +133,7 @@ class MultilevelRelaxation(Relaxation):
         super().load_state_dict(kept)
         for name, one in self._others.items():
             one.restore(strip_prefix(f"{name}_", kept))
-        if self.cell is not None and self.membrane is not None:
-            self._response = load_response(kept, self.cell.model, self.model.device)
+        if self.membrane is not None:
             self.membrane.renew(self._response)
 
     def release(self, begin: float, end: float) -> None:
@@ -316,11 +313,6 @@ class MultilevelRelaxation(Relaxation):
                 return max(ratio, progress.imbalance, progress.to_ratio)
         return max(ratio, progress.imbalance)
 
-    @property
-    def least_tension(self) -> float:
-        """[N/m] lower bound of the tension in relative errors."""
-        return TENSION_FLOOR * tension_scale(self.model)
-
     def _correct_as_membrane(self, membrane: Membrane, ratio: float) -> bool:
         """Apply a membrane correction unless the mesh is balanced; return whether it moved.
 
@@ -333,7 +325,7 @@ class MultilevelRelaxation(Relaxation):
         solve = membrane.solve_rim if progress.is_uncorrected else membrane.solve
         edge = EdgeState(self.state.gradient, self.stations, pulled)
         correction, stress = solve(edge)
-        scale = max(float(np.abs(self.mechanics.checked_stress).max()), self.least_tension)
+        scale = max(float(np.abs(self.mechanics.checked_stress).max()), self.equilibrium.convergence.least_tension)
         progress.imbalance = stress / (MEMBRANE_TOLERANCE * scale)
         if rim.is_free:
             progress.imbalance = max(progress.imbalance, membrane.edge_error(correction, edge) / EDGE_TOLERANCE)
@@ -394,7 +386,6 @@ class MultilevelRelaxation(Relaxation):
         self.mechanics.begin_level()
 
     def _move_clamps(self, correction: Correction) -> None:
-        """Move the edge by a correction."""
         if self._rim is not None:
             self._stations = self.stations + correction.stations
             clamps = self._rim.clamps @ self.stations

@@ -76,8 +76,10 @@ class Ramp(Drive):
             control = self.state.steering.read()
             share = self._share(stage, control)
             progress.load_factor = smooth(share)
-            if share >= 1.0 and self._has_converged() and self._has_tension(stage):
-                break
+            if share >= 1.0:
+                progress.residual = self.mechanics.residual_now()
+                if self._met_tolerance() and self._has_tension(stage):
+                    break
             if progress.time > (1.0 + HOLD_LIMIT) * self.loading_time:
                 break
             while recorded < frames - 1 and share * frames >= recorded + 1:
@@ -145,11 +147,6 @@ class Ramp(Drive):
         """Whether the residual met its tolerance at the last check."""
         return self.progress.residual < self.scene.solver.residual_tolerance
 
-    def _has_converged(self) -> bool:
-        """Compute the residual; whether it meets its tolerance."""
-        self.progress.residual = self.mechanics.residual_now()
-        return self._met_tolerance()
-
     def _strain_and_tension(self) -> tuple[np.ndarray, np.ndarray]:
         """Strains and tensions [N/m] of the mesh, each (weft, warp)."""
         observed = self.mechanics.observe()
@@ -165,12 +162,17 @@ class Ramp(Drive):
         self.mechanics.set_load(target, steps, evenly=evenly)
 
     def _add_work(self) -> None:
-        """Add the work of the boundary since the last check."""
+        """Add the work of the boundary since the last check, by the trapezoidal rule.
+
+        `stress` of the progress: nominal stress (4) [N/m], thermal force [J], gradient (4) and length factor.
+        """
         observed: Any = self.mechanics.observe()
         now = self.model.ranks.from_first(lambda: [*observed.nominal_stress.ravel().tolist(), observed.thermal_force])
         now += [*observed.gradient.ravel().tolist(), observed.length_factor]
         if self.progress.stress:
-            self.progress.work += work_between(self.progress.stress, now, self.model.panel.area)
+            before = np.array(self.progress.stress)
+            mean = 0.5 * (np.array(now[:5]) + before[:5]) * np.array([self.model.panel.area] * 4 + [1.0])
+            self.progress.work += float(mean @ (np.array(now[5:]) - before[5:]))
         self.progress.stress = now
 
     def _record(self, stage: Stage, factor: float, *, steady: bool) -> Record:
@@ -181,13 +183,3 @@ class Ramp(Drive):
 def smooth(x: float) -> float:
     """The ramp of kernels/control.py."""
     return x * x * x * (10.0 + x * (6.0 * x - 15.0))
-
-
-def work_between(before: list[float], now: list[float], area: float) -> float:
-    """[J] of the boundary between two checks, by the trapezoidal rule.
-
-    `before`, `now`: nominal stress (4) [N/m], thermal force [J], gradient (4) and length factor.
-    """
-    moved = np.array(now[5:]) - before[5:]
-    mean = 0.5 * (np.array(now[:5]) + before[:5]) * np.array([area] * 4 + [1.0])
-    return float(mean @ moved)

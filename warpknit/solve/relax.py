@@ -151,7 +151,6 @@ class Relaxation(Drive):
         return self.refined_levels(stage, ends_only) if self._is_refined else self.levels(stage, ends_only)
 
     def _recorded(self, stage: Stage, share: Fraction, ends_only: bool) -> Iterator[Record]:
-        """The record of the present level."""
         self.progress.level += 1
         if share == 1 or not ends_only:
             yield self.record(stage, float(share), steady=True)
@@ -320,7 +319,7 @@ class Relaxation(Drive):
             load = self._prepare(load)
             self.begin_level(load, to_ratio)
         yield UNSOLVED
-        while load.tension is not None and not self.mechanics.has_load:
+        while load.tension is not None and self.mechanics.group.strains.at_limit(self.mechanics.rows).any():
             self.mechanics.advance_history()
             self.begin_level(replace(load, gradient=self.state.gradient), to_ratio)
             yield UNSOLVED
@@ -414,18 +413,14 @@ class Relaxation(Drive):
         advice, unmet = " or solver.residual_tolerance", ""
         if self.progress.residual < tolerance and not self.equilibrium.convergence.drifts(self.row):
             advice, unmet = "", " multipliers or membrane corrections not converged,"
+        wires, prestress = self.scene.wires, ""
+        if wires is not None and wires.overlaps == "prestress" and self.mechanics.notes and self.progress.load_factor == 0.0:
+            prestress = "; wires.overlaps = 'at rest' avoids prestress"
         return (
             f"{self._level_text()} did not converge{how} a larger model.nodes_per_loop{advice}, or other output.frames"
-            f"{self._overlaps_text} (residual {self.progress.residual:.2g}, tolerance {tolerance:g},{unmet} fastest at"
-            f" wire {wire}, node {node}{self.mechanics.causes()})"
+            f"{prestress} (residual {self.progress.residual:.2g}, tolerance {tolerance:g},{unmet} fastest at"
+            f" wire {wire}, node {node}{self._causes()})"
         )
-
-    @property
-    def _overlaps_text(self) -> str:
-        """Advice for a drawing prestressed by its overlaps."""
-        wires = self.scene.wires
-        is_prestressed = wires is not None and wires.overlaps == "prestress" and bool(self.mechanics.notes)
-        return "; wires.overlaps = 'at rest' avoids prestress" if is_prestressed and self.progress.load_factor == 0.0 else ""
 
     def not_carried(self) -> Diverged:
         """The error of a mesh that strains without end under its tensions."""

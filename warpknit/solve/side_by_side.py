@@ -66,8 +66,8 @@ class SideBySide:
             if not active:
                 return
             monitor()
-            check = self.equilibrium.advance(np.array(sorted(active)))
-            due = {row: check.failed.get(row) for row in [*check.failed, *check.converged]}
+            converged, failed = self.equilibrium.advance(np.array(sorted(active)))
+            due = {row: failed.get(row) for row in [*failed, *converged]}
             active = [row for row in active if row not in due]
 
     def _goes_on(self, row: int, error: Diverged | None, found: list[tuple[int, Any]]) -> bool:
@@ -154,12 +154,11 @@ def run_worlds(send: Callable[[News], None], begin: Callable[..., Any], worlds: 
             sent = time.perf_counter()
             send(News({row: drive.progress for row, drive in zip(rows, simulation.drives, strict=True)}))
 
-    states = {row: world.kept for row, world in worlds.items() if world.kept}
-    begun = [world.progress for world in worlds.values()] if states else None
+    begun = [world.progress for world in worlds.values()] if any(world.kept for world in worlds.values()) else None
     simulation = begin(models[0], worlds=models, progress=begun, monitor=monitor, ends_only=ends_only)
-    for row, drive in zip(rows, simulation.drives, strict=True):
-        if row in states:
-            drive.restore(states[row])
+    for drive, world in zip(simulation.drives, worlds.values(), strict=True):
+        if world.kept:
+            drive.restore(world.kept)
 
     def send_found(world: int, found: Any) -> None:
         send(News({rows[world]: simulation.drives[world].progress}, world=rows[world], found=found))

@@ -155,7 +155,6 @@ class Simulation:
     # --- drives
 
     def _relaxation(self, mechanics: Mechanics, progress: Progress, cell: Relaxation | None) -> Relaxation:
-        """Build a relaxation with its smaller meshes."""
         model: Model = mechanics.model
         monitored = partial(self._monitored, model=model)
         scene = smaller_scene(model.scene) if model.cloth is not None else None
@@ -227,13 +226,6 @@ class Simulation:
                 raise InputError(f"Simulation: world {number} differs from the model in [{name}]; change only loads or seeds")
         return replace(model, scene=scene) if scene.knit == own.knit else build_model(scene, model.device)
 
-    def _run_worlds(self, worlds: SideBySide | WorldProcesses) -> Iterator[Record]:
-        for world, found in worlds.run(lambda: self.monitor(self.progress), self.failures):
-            if isinstance(found, Diverged):
-                self.failures[world] = found
-            else:
-                yield replace(found, world=world)
-
     # --- the run
 
     def compile(self) -> None:
@@ -247,7 +239,11 @@ class Simulation:
             Diverged: a level does not converge, wires pass through each other, or values are not finite.
         """
         if self.worlds is not None:
-            yield from self._run_worlds(self.worlds)
+            for world, found in self.worlds.run(lambda: self.monitor(self.progress), self.failures):
+                if isinstance(found, Diverged):
+                    self.failures[world] = found
+                else:
+                    yield replace(found, world=world)
             return
         if not self.resumed:
             self.drive.mechanics.search()

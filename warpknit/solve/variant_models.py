@@ -10,7 +10,7 @@ from ..base.errors import ModelError
 from ..knit.lapping import KnitError
 from ..scene import Scene
 from .model import build_model
-from .simulate import Progress, Record, Simulation
+from .simulate import Record, Simulation
 
 MOST_NODES = 500_000  # of all meshes side by side
 TRIES = 4  # seeds to a mesh, before a scene has none
@@ -41,16 +41,12 @@ def last_records(models: Sequence[Any], monitor: Callable[[int], None] = lambda 
     before = 0
     for places in side_by_side(models):
         simulation = Simulation(models[places[0]], worlds=[models[place] for place in places])
-        simulation.monitor = partial(_count_steps, monitor, simulation, before)
+        simulation.monitor = partial(lambda ran, begun, _progress: monitor(begun + ran.steps), simulation, before)
         last = {record.world: record for record in simulation.run()}
         for world, place in enumerate(places):
             if world not in simulation.failures:
                 yield place, last[world]
         before += simulation.steps
-
-
-def _count_steps(monitor: Callable[[int], None], simulation: Simulation, before: int, _progress: Progress) -> None:
-    monitor(before + simulation.steps)
 
 
 class VariantModels:

@@ -54,10 +54,8 @@ def bending_moments(r: Any) -> tuple[np.ndarray, ...]:
     rods, curve = r.model.rods, r.curve
     before, after, edge = rods.previous, rods.following, curve.edge
     at = _pushes(r)
-    weights, parts = (
-        _weights(r, at),
-        r.length_factor * section_offsets(rods, r.model.curve, r.segment_tangent, r.director, at.node, at.place),
-    )
+    weights = _weights(r, at)
+    parts = r.length_factor * section_offsets(rods, r.model.curve, r.segment_tangent, r.director, at.node, at.place)
     moment, force = _node_moments(r), r.segment_force.copy()
     behind = after[at.node]
     np.add.at(moment, at.node, np.cross(-weights[:, :1] * edge[before[at.node]] + parts[:, 0], at.force))

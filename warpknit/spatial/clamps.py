@@ -195,8 +195,3 @@ class Edge:
         """Move stations by (station, 3) [m]; returns the displacement (held node, 3) [m] of their clamps."""
         self.station_displacement = self.station_displacement + change
         return np.asarray(np.repeat(self._own_clamps @ change, 2, axis=0))
-
-    @property
-    def clamp_displacement(self) -> np.ndarray:
-        """(clamp, 3) [m] displacement of the clamps in addition to the load."""
-        return np.asarray(self.rim.clamps @ self.station_displacement)

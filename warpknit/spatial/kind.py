@@ -6,13 +6,14 @@ Its parts, its description for `warpknit plan`, and the settings of its probe ru
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 
 import numpy as np
 
 from ..base.text import counted, engineering, rounded, short_percent
 from ..knit.cloth import Cloth
 from ..knit.lapping import KnitError
-from ..mechanics.probe_settings import SOFTENING, Setting, Varied, combined, edge_of
+from ..mechanics.probe_settings import SOFTENING, Setting, Varied, edge_of
 from ..scene import Scene
 from ..wires.centre_lines import Wires
 from ..wires.overlaps import CLOSEST, find_overlaps
@@ -25,10 +26,8 @@ __all__ = ["build_model", "initial_state", "worlds"]  # other modules' parts of 
 NODES = (20, 24, 28, 36)  # a loop
 FINE = {"periodic": 64, "gripped": 56, "hook": 68}  # nodes of the fine run, a loop, or segments of a wire
 TOLERANCE = 1e-3  # of fine runs and references, about fifty times slower than planar ones
-REFERENCE = (
-    (2_000, 96),
-    (float("inf"), 64),
-)  # nodes a loop of the reference of a trade, up to these numbers of nodes of the scene
+# nodes a loop of the reference of a trade, up to these numbers of nodes of the scene
+REFERENCE = ((2_000, 96), (float("inf"), 64))
 HOOK_REFERENCE = 68  # segments a wire of the same of a hook, whose lens is a tenth of a wire long
 
 VARIED_NODES = (16, 20, 24, 28, 32, 36, 40, 48)  # of a trade, a loop or a hooked wire
@@ -101,15 +100,9 @@ def fine(scene: Scene) -> Setting:
     return Setting(FINE[edge_of(scene)], SOFTENING, TOLERANCE, "double")
 
 
-def reference(scene: Scene, nodes: int) -> tuple[int, float]:
-    """Nodes a loop (or segments of a hooked wire) and tolerance of a trade's reference."""
-    finest = HOOK_REFERENCE if scene.hook is not None else next(n for most, n in REFERENCE if nodes <= most)
-    return finest, TOLERANCE
-
-
 def varied(scene: Scene, softening: float) -> Varied:
     """Values that a trade tries."""
     softenings = tuple(share * softening for share in VARIED_SOFTENINGS)
-    nodes, tolerances = COMBINED
-    together = combined(nodes, (scene.solver.axial_softening,), tolerances, scene.solver.precision)
-    return Varied(VARIED_NODES, softenings, VARIED_TOLERANCES, RAMP_NODES, together)
+    solver = scene.solver
+    combined = tuple(Setting(nodes, solver.axial_softening, least, solver.precision) for nodes, least in product(*COMBINED))
+    return Varied(VARIED_NODES, softenings, VARIED_TOLERANCES, RAMP_NODES, combined)

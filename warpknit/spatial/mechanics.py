@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from .. import measure
 from ..compute.host import Entries, fetch, store
 from ..compute.kept import Owner
 from ..kernels.rod_blocks import ROD_BLOCK
 from ..measure.strain import strain_text
 from ..mechanics.numerics import AXIAL_ERROR, FOLLOWED_INCREMENT
-from ..mechanics.protocols import Drift, Mechanics, strength_exceeded
+from ..mechanics.protocols import Drift, Mechanics
 from ..mesh.layout import smaller_scene
 from ..mesh.rim import LoadPoint, Rim
 from ..wires.overlaps import CLOSEST
@@ -285,10 +284,6 @@ class SpatialMechanics(Mechanics):
         products = np.einsum("ia,ib->iab", force, self.model.wires.held_lever).reshape(-1, 4)
         return self.strip.ranks.exact_sum(products).reshape(2, 2)
 
-    def causes(self) -> str:
-        observed, strength = self.observe(), self.model.scene.wire.tensile_strength
-        return self.strip.ranks.from_first(lambda: strength_exceeded(measure.largest_stress(observed), strength))
-
     def is_in_equilibrium(self, load: LoadPoint) -> bool:
         wire = self.model.scene.wire
         if self.state.steering.dead_load > 0.0 or not load.is_as_knitted(wire.reference_temperature):
@@ -360,5 +355,5 @@ class SpatialMechanics(Mechanics):
     def edge_work_terms(self, observed: SpatialObservables) -> list[tuple[np.ndarray, np.ndarray]]:
         terms = [(observed.thermal_strain_force, observed.thermal_strain)]
         if self.edge is not None and self.model.ranks.is_first:  # which observes the whole mesh
-            terms.append((self.edge.grip_forces(observed.force), self.edge.clamp_displacement))
+            terms.append((self.edge.grip_forces(observed.force), self.edge.rim.clamps @ self.edge.station_displacement))
         return terms

@@ -201,7 +201,6 @@ def _strip_of(model: SpatialModel, ranks: Ranks) -> SpatialModel:
 
 
 def _whole_model(scene: Scene, device: str) -> SpatialModel:
-    """The model of all wires."""
     section, cloth, table = wire_section(scene.wire), None, None
     if scene.wires is not None:
         # the fictitious masses allow for few contacts at a node

@@ -82,7 +82,8 @@ class SpatialObservables(Boundary):
         P = (1/A0) [sum over segments n (x) E0 - sum over contacts f (x) (P0 - Q0) + sum over held nodes f (x) (X - c)] with the
         clamp c; f of a contact is the force on the first wire, P0 and Q0 are the rest places of the contact on both wires.
         """
-        return nominal_stress(self.model, self.segment_force, self.force, self.touching)
+        terms = (np.einsum("ia,ib->ab", force[:, :2], lever[:, :2]) for _, force, lever in virial(self))
+        return np.asarray(sum(terms) / self.model.panel.area)
 
     @property
     def contact_growth(self) -> float:
@@ -367,24 +368,16 @@ class SpatialObservables(Boundary):
         return find_panel_map(self) if has_map(self.model) else None
 
 
-def virial(
-    model: SpatialModel, segment_force: np.ndarray, force: np.ndarray, t: Contacts
-) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def virial(r: Any) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Places at rest, forces and levers (n, 3) of segments, contacts and held nodes, see `SpatialObservables.nominal_stress`."""
-    rods, wires = model.rods, model.wires
-    place, other = (rest_place(rods, model.curve, node, t.place[:, k]) for k, node in enumerate((t.first, t.second)))
+    rods, wires, t = r.model.rods, r.model.wires, r.touching
+    place, other = (rest_place(rods, r.model.curve, node, t.place[:, k]) for k, node in enumerate((t.first, t.second)))
     held = wires.held_node
     return [
-        (rods.position, segment_force, rods.rest_edge),
+        (rods.position, r.segment_force, rods.rest_edge),
         (place, -t.push, place - other - t.shift),
-        (rods.position[held], force[held], wires.held_lever),
+        (rods.position[held], r.force[held], wires.held_lever),
     ]
-
-
-def nominal_stress(model: SpatialModel, segment_force: np.ndarray, force: np.ndarray, touching: Contacts) -> np.ndarray:
-    """(2, 2) [N/m] see `SpatialObservables`; segment_force (node, 3) [N], force (node, 3) [N] unbalanced."""
-    terms = virial(model, segment_force, force, touching)
-    return np.asarray(sum(np.einsum("ia,ib->ab", f[:, :2], lever[:, :2]) for _, f, lever in terms) / model.panel.area)
 
 
 def find_panel_map(r: Any) -> PanelMap:
@@ -392,7 +385,7 @@ def find_panel_map(r: Any) -> PanelMap:
     tiles = Tiles.of(r.model)
     stress, stress_max = tiles.zeros(2, 2), tiles.zeros()
     np.maximum.at(stress_max, tiles.at(r.model.rods.position[:, :2]), r.wire_stress.node)
-    for place, force, lever in virial(r.model, r.segment_force, r.force, r.touching):
+    for place, force, lever in virial(r):
         tiles.add(stress, tiles.at(place[:, :2]), np.einsum("na,nb->nab", force[:, :2], lever[:, :2]))
     return panel_map_of(r, tiles, stress, stress_max, _moved(r), _sheet_places(r))
 

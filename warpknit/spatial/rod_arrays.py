@@ -180,11 +180,6 @@ class RodState:
 def upload_rods(rods: Rods, device: str, precision: Precision = DOUBLE, worlds: int = 1) -> RodArrays:
     """Rest data on the device, for steps in this precision; natural curvature and twist default to the rest values times the set
     fraction."""
-    forms = (
-        None
-        if rods.forms is None
-        else upload_rods(replace(rods.forms, set_fraction=rods.set_fraction), device, precision, worlds)
-    )
     begin, count, wire = _blocks(rods)
     values: dict[str, Any] = {name: getattr(rods, name) for name in AS_IN_RODS} | {
         "world_nodes": rods.node_count // worlds,
@@ -202,7 +197,8 @@ def upload_rods(rods: Rods, device: str, precision: Precision = DOUBLE, worlds: 
         "rest_row": rods.row,
         "bow_weight": np.stack(rods.bow_weights, axis=1),
     }
-    if forms is not None:
+    if rods.forms is not None:
+        forms = upload_rods(replace(rods.forms, set_fraction=rods.set_fraction), device, precision, worlds)
         of_forms = {name: getattr(forms, name) for name in (*names_of(RodArrays, "row"), "knitted")}
         return new_arrays(RodArrays, device, {}, values | of_forms | {"forms": forms})
     values |= {name: getattr(rods, name) for name in ("rest_edge", "node_length", "slope_length")}
@@ -315,9 +311,8 @@ def _block_threads(arrays: RodArrays, state: RodState, blocks: range | None) -> 
     return blocks.start, len(blocks) * a_block, a_block
 
 
-def factor_launches(arrays: RodArrays, state: RodState, wires: range | None = None) -> list[Launch]:
-    """Launches that factor the masses of some wires, default all, after they have changed (kernels/banded_mass.py)."""
-    wires = range(len(arrays.wire_first)) if wires is None else wires
+def factor_launches(arrays: RodArrays, state: RodState, wires: range) -> list[Launch]:
+    """Launches that factor the masses of some wires, after they have changed (kernels/banded_mass.py)."""
     parts = lanes(WIRE_PARTS, state.control.device)
     return [
         bind(factor_masses, len(wires) * parts, arrays, state, first_wire=wires.start, parts=parts),
@@ -325,10 +320,8 @@ def factor_launches(arrays: RodArrays, state: RodState, wires: range | None = No
     ]
 
 
-def motion_launch(arrays: RodArrays, state: RodState, wires: range | None = None, stored: StepForces | None = None) -> Launch:
-    """Launch of `move_rods` for some wires, default all: accelerations and update."""
-    wires = range(len(arrays.wire_first)) if wires is None else wires
-    stored = stored or StepForces.of(state)
+def motion_launch(arrays: RodArrays, state: RodState, wires: range, stored: StepForces) -> Launch:
+    """Launch of `move_rods` for some wires: accelerations and update."""
     a_wire = lanes(MOTION_LANES, state.control.device)
     return bind(
         move_rods, len(wires) * a_wire, arrays, state, first_wire=wires.start, threads_a_block=a_wire, **stored._asdict()

@@ -47,8 +47,6 @@ class Sites:
         apart = place[0] - place[1]
         self.shift = self._tile * np.rint(np.divide(apart, self._tile, out=np.zeros_like(apart), where=self._tile > 0))
 
-    # (site, 3) [m] at rest, of the second wire next to the first
-
     def of(
         self, first: np.ndarray, second: np.ndarray, shift: np.ndarray, place: np.ndarray | float = 0.0
     ) -> tuple[np.ndarray, np.ndarray]:

@@ -31,33 +31,24 @@ MAX_TURN = 0.5 * math.pi  # [rad] turning angle of the largest coupling
 TWIST_SHARE = 0.25  # largest squared frequency of twist over translation: keeps the coupled one below the limit
 
 
-@dataclass(frozen=True)
-class Rates:
-    """Largest squared frequencies [1/s2], of each term and of all together."""
-
-    stretch: float
-    bending: float
-    twist: float
-    contact: float
-    all: float
-
-    @property
-    def limited_by(self) -> str:
-        """The term with the largest squared frequency."""
-        return max(("stretch", "bending", "twist", "contact"), key=lambda name: getattr(self, name))
+TERMS = ("stretch", "bending", "twist", "contact")
 
 
-def largest_rates(rods: Rods, node_mass: np.ndarray, spin_inertia: np.ndarray, **stiff: Any) -> Rates:
-    """Bounds on the squared frequencies of rods; node_mass [node] [kg], spin_inertia [node] [kg m2], and see `_stiffnesses`."""
+def largest_rates(rods: Rods, node_mass: np.ndarray, spin_inertia: np.ndarray, **stiff: Any) -> dict[str, float]:
+    """Bounds on the squared frequencies [1/s2] of rods.
+
+    Of each of TERMS and of "all" together. node_mass [node] [kg], spin_inertia [node] [kg m2], and see `_stiffnesses`.
+    """
     stretch, bending, twist, contact, additive, coupling = _stiffnesses(rods, **stiff)
     a, b, t = stretch / node_mass, bending / node_mass, twist / spin_inertia
     scaled = _coupled(_coupled(a, b, coupling), t, coupling) + additive / node_mass
-    return Rates(*(float(np.max(x[rods.is_free], initial=0.0)) for x in (a, b, t, contact / node_mass, scaled)))
+    squares = (a, b, t, contact / node_mass, scaled)
+    return {name: float(np.max(x[rods.is_free], initial=0.0)) for name, x in zip((*TERMS, "all"), squares, strict=True)}
 
 
-def stable_step(rates: Rates) -> float:
+def stable_step(rates: dict[str, float]) -> float:
     """[s] stable step 2/w."""
-    return 2.0 / math.sqrt(rates.all)
+    return 2.0 / math.sqrt(rates["all"])
 
 
 def masses_for_step(rods: Rods, time_step: float, **stiff: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -114,7 +105,7 @@ class RampNumerics:
 
     node_mass: np.ndarray  # [node] [kg]
     spin_inertia: np.ndarray  # [node] [kg m2] of the segments
-    rates: Rates
+    rates: dict[str, float]
     damping: float  # [1/s]
 
 
@@ -143,7 +134,7 @@ def ramp_numerics(model: Any) -> dict[str, Any]:
     slowest = slowest_rate(model.scene, model.loop_length)
     return {
         "time_step": STEP_MARGIN * stable_step(rates),
-        "limited_by": rates.limited_by,
+        "limited_by": max(TERMS, key=lambda name: rates[name]),
         "loading_time": solver.loading_time or LOADING_PERIODS * 2.0 * math.pi / slowest,
         "added_mass": float(mass.sum() / true_mass.sum() - 1.0),
         "ramp": RampNumerics(mass, spin, rates, slowest if solver.damping is None else solver.damping),

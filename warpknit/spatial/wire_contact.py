@@ -153,11 +153,9 @@ class WireContact:
 
     def stress_launch(self, blocks: range, **named: Any) -> Launch:
         """Launch that sums the nominal stress of contacts of blocks of nodes."""
-        sources, friction = (
-            (self._wires, self.stepper.arrays, self.stepper.state, self.touch, self.pairs),
-            int(self.friction > 0.0),
-        )
-        return bind(count_contact_stress, len(blocks), *sources, first_block=blocks.start, has_friction=friction, **named)
+        sources = (self._wires, self.stepper.arrays, self.stepper.state, self.touch, self.pairs)
+        named |= {"first_block": blocks.start, "has_friction": int(self.friction > 0.0)}
+        return bind(count_contact_stress, len(blocks), *sources, **named)
 
     def _share(self, part: int, parts: int) -> dict[str, int]:
         """Work of a thread: a part of the pairs of a single world, or all pairs of its worlds."""
@@ -314,7 +312,6 @@ class WireContact:
             store_at(self.touch.touch_slip_work, slice(len(kept["slip_work"])), kept["slip_work"])
 
     def _nodes_of(self, world: int) -> slice:
-        """The nodes of a world."""
         each = self.stepper.arrays.world_nodes
         return slice(world * each, (world + 1) * each)
 

@@ -105,7 +105,9 @@ class _Study:
         self.path = out / "trade.csv"
         self.rows = read_trade(self.path)
         truth = load(of_reference, None)
-        finest, self.tolerance = kind_of(truth).reference(truth, base.node_count)
+        kind = kind_of(truth)
+        finest = kind.HOOK_REFERENCE if truth.hook is not None else next(n for m, n in kind.REFERENCE if base.node_count <= m)
+        self.tolerance = kind.TOLERANCE
         self.finest = [round(finest / RATIO**k) for k in range(3)]
         self._interrupts = Interrupts()
 
