@@ -341,6 +341,13 @@ class Relaxation(Drive):
         self.solve(LoadPoint(gradient, temperature))
         return self.mechanics.observe().nominal_stress, self.mechanics.state_variables()
 
+    def equilibrium_beside(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """The same, from the present equilibrium, to which the mesh then returns."""
+        kept = self.equilibrium_dict()
+        found = self.equilibrium_at(gradient, temperature)
+        self._go_back(kept)
+        return found
+
     def _prepare(self, load: LoadPoint) -> LoadPoint:
         """Prepare a load level; return its load.
 
