@@ -9,7 +9,7 @@ from swatches import DIAMETER, swatch
 from reference.cases import slow
 from warpknit.base.errors import Diverged
 from warpknit.scene import make_scene
-from warpknit.solve import convergence
+from warpknit.solve import equilibrium
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
 from warpknit.wires.centre_lines import Wires
@@ -93,7 +93,7 @@ def test_a_swatch_is_in_equilibrium_where_it_is_apart(kind: str, overlap: float,
 
 def test_a_level_that_stalls_by_overlaps_names_the_way_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without patience, a swatch as drawn stalls at once."""
-    monkeypatch.setattr(convergence, "PATIENCE", 0)
+    monkeypatch.setattr(equilibrium, "PATIENCE", 0)
     np.savez(tmp_path / "swatch.npz", wire=swatch("plain", 6, 4, 0.5))
     wires = {"file": "swatch.npz", "unit": "m", "loop_size": "5.5 mm"}
     scene = make_scene(
