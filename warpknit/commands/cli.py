@@ -301,4 +301,4 @@ def new(file: str | None, as_list: bool, source: str | None, force: bool, **valu
     request, path = SceneRequest(**given), file_of(file, force=force) if file else None
     if "knit" not in given and on_terminal():
         request, path = ask(given, path, force=force)
-    print_table(new_command(request, path or file_of(named_knit(request.knit).name, force=force)))
+    print_table(new_command(request, path or file_of(named_knit(request.knit).name, force=force), force=force))

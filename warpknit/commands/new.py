@@ -81,9 +81,10 @@ def _has_room(request: SceneRequest) -> bool:
     return True
 
 
-def new_command(request: SceneRequest, path: Path) -> list[Finding]:
+def new_command(request: SceneRequest, path: Path, *, force: bool) -> list[Finding]:
     """Write the scene of a request; return the lines of its table."""
     text, scene, overview = planned_scene(request, path)
+    file_of(str(path), force=force)  # which may have come to exist since it was named
     with write_aside(path) as file:
         file.write(text)
     wire, knit = scene.wire, named_knit(request.knit)
