@@ -33,7 +33,7 @@ def scene_of(boundary: str, **tables: dict) -> Scene:
 
 
 def stages(scene: Scene, strains: list[tuple[float, float]]) -> list:
-    return [replace(scene.stages[0], strain_weft=x, strain_warp=y) for x, y in strains]
+    return [[replace(scene.stages[0], strain_weft=x, strain_warp=y)] for x, y in strains]
 
 
 def ends(scene: Scene, strains: list[tuple[float, float]]) -> list[Record | Diverged]:
@@ -94,7 +94,7 @@ def test_a_mesh_of_scattered_loops_does_not_depend_on_those_beside_it():
     models, stage = VariantModels(scene), scene.stages[0]
     found = []
     for meshes in ([2], [1, 2, 0, 3]):
-        worlds = knitted_worlds([models.of_place(mesh) for mesh in meshes], [stage] * len(meshes), [2] * len(meshes))
+        worlds = knitted_worlds([models.of_place(mesh) for mesh in meshes], [[stage]] * len(meshes), [2] * len(meshes))
         own = dict(ends_of(worlds))[meshes.index(2)]
         found.append((own.steps, own.observables.node_position.tobytes()))
     assert found[0] == found[1]

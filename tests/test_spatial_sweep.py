@@ -41,7 +41,7 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 def worlds(strains, levels=None) -> Simulation:
     scene = load_scene(SCENES / "contact_map.toml", SMALL)
-    stages = [replace(scene.stages[0], strain_weft=x, strain_warp=y) for x, y in strains]
+    stages = [[replace(scene.stages[0], strain_weft=x, strain_warp=y)] for x, y in strains]
     return knitted_worlds([build_model(scene)] * len(stages), stages, levels or [scene.output.levels] * len(stages))
 
 

@@ -285,7 +285,7 @@ def test_a_card_at_a_tension_that_only_the_map_has_is_of_its_state():
     scene = load_scene(SCENES / "contact_map.toml", sweep, "draft")
     model = exact_model(scene, scene.solver.residual_tolerance)
     pair = scene.sweep.pairs[0]
-    ((_, end),) = ends_of(knitted_worlds([model], [scene.sweep.stage(scene.stages[0], pair)], [scene.output.levels]))
+    ((_, end),) = ends_of(knitted_worlds([model], [[scene.sweep.stage(scene.stages[0], pair)]], [scene.output.levels]))
     cell = map_row(pair, end, steps=1, by_tension=True)
     path = EqualTensionPath(ended="level 1 did not converge")
     found, text, loading = _card(scene, Meshes.of(model), [cell], None, path, [], 0.06, lambda _: None)

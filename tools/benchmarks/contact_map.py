@@ -37,14 +37,14 @@ def cases(options: argparse.Namespace) -> Iterator[dict[str, str | float]]:
     ]
     model = build_model(scene)
     levels = scene.output.levels
-    list(ends_of(knitted_worlds([model], stages[:1], [levels])))  # compiles the kernels
+    list(ends_of(knitted_worlds([model], [stages[:1]], [levels])))  # compiles the kernels
     one_by_one(scene, model, stages[:1])
     for _ in range(options.rounds):
         row: dict[str, float | int] = {"cells": len(stages), "nodes": model.panel.node_count}
         for threads in (1, len(CORES)):
             os.environ["WARPKNIT_THREADS"] = str(threads)
             begin, begin_cpu = time.perf_counter(), time.process_time()
-            batch = knitted_worlds([model] * len(stages), stages, [levels] * len(stages))
+            batch = knitted_worlds([model] * len(stages), [[stage] for stage in stages], [levels] * len(stages))
             list(ends_of(batch))
             wall, cpu = time.perf_counter() - begin, time.process_time() - begin_cpu
             row |= {f"batch_{threads}_threads_s": wall, f"batch_{threads}_threads_cpu_s": cpu}

@@ -33,7 +33,7 @@ from ..scene.capabilities import without_effect
 from ..scene.options import DEFAULT, GIVEN
 from ..solve.model import kind_of
 from ..solve.sample_run import SAMPLE_NODES, Measured, measure_meshes, measure_run, sample_model
-from ..studies.contact_map import levels_of_pairs
+from ..studies.map_paths import map_paths
 from ..wires.file_report import WireReport, wire_report
 
 MESH = ("hook", "mesh", "contact", "wires", "hooks")  # rows on the mesh in the short table
@@ -170,7 +170,7 @@ def _map_time(scene: Scene, overview: Overview) -> float | None:
         return None
     farthest = replace(scene, stages=(scene.sweep.stage(scene.stages[0], scene.sweep.pairs[-1]),))
     run = _measured_run(farthest, sample_model(farthest)[0], overview.nodes)
-    levels = sum(levels_of_pairs(scene.sweep.pairs, scene.levels))
+    levels = sum(path.count for path in map_paths(scene))
     return first_meshes(scene.variants) * levels / scene.levels * run.seconds
 
 

@@ -73,8 +73,7 @@ class Stability:
         energy, before = self.relaxation.damping.kinetic_energy(rows), self._energy[rows]
         checks = self._checks[rows]
         if (checks == 0).any():
-            for row in rows[checks == 0].tolist():
-                self._disturb(row)
+            self._disturb(rows[checks == 0])
         energy[checks == 0] = np.inf
         is_over = (checks > 0) & ((checks >= MOST_CHECKS) | ((checks >= LEAST_CHECKS) & (energy < before)))
         self._energy[rows], self._least[rows] = energy, np.minimum(self._least[rows], energy)
@@ -95,19 +94,18 @@ class Stability:
         if len(running):
             self.relaxation.stepper.steering.set(running, damping=DAMPING)
 
-    def _disturb(self, world: int) -> None:
-        """Move the nodes of a world at random, differently in each test."""
-        stepper, rows = self.relaxation.stepper, np.array([world])
-        strip = stepper.strip
+    def _disturb(self, rows: np.ndarray) -> None:
+        """Move the nodes of worlds at random, differently in each test."""
+        stepper, strip = self.relaxation.stepper, self.relaxation.stepper.strip
         nodes = strip.whole.node_count // stepper.worlds
         size = DISTURBANCE * self.model.scene.solver.residual_tolerance * strip.whole.section.thickness
-        seed = SEED + MOST_TESTS - int(self._tests[world])
-        shift = size * np.random.default_rng(seed).standard_normal((nodes, 3))
+        seeds = SEED + MOST_TESTS - self._tests[rows]
+        shift = size * np.stack([np.random.default_rng(seed).standard_normal((nodes, 3)) for seed in seeds.tolist()])
         here = strip.nodes_of_mesh if stepper.worlds == 1 else np.arange(nodes)
         free = stepper.rods.is_free.reshape(stepper.worlds, -1)[rows]
         place = stepper.state.displacement
-        stepper.store_rows(place, rows, stepper.by_world(place)[rows] + np.where(free[..., None], shift[here], 0.0))
-        self.contact.search(rows)
+        stepper.store_rows(place, rows, stepper.by_world(place)[rows] + np.where(free[..., None], shift[:, here], 0.0))
+        self.contact.refresh(np.linalg.norm(shift, axis=2).max(axis=1), rows)
         self.relaxation.damping.reset(rows)
 
 

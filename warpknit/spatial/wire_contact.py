@@ -267,8 +267,8 @@ class WireContact:
         pairs.replayed("list near", listing, touch.capacity)
         store(self.touch.touch_count, count)
 
-    def refresh(self, moved: float = 0.0, rows: np.ndarray | None = None) -> None:
-        """Search again, or list near pairs again, where their travel is used up; moved [m]: travel outside of steps."""
+    def refresh(self, moved: float | np.ndarray = 0.0, rows: np.ndarray | None = None) -> None:
+        """Search again where the travel is used up, else list near pairs again; moved [m]: of all or [row], outside of steps."""
         with self.stepper.only(rows) as own:
             self.stepper.steering.set(own, travel=self.stepper.steering.travel[own] + moved)
             far = self._moved(own) > self._search_travel[own]

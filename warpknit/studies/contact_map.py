@@ -34,14 +34,8 @@ SAME_SHARE = 0.01  # percentage points: tolerance for equal shares of active con
 TARGETS = tuple(f"target_tension_{side}_N_per_m" for side in SIDES)  # columns of a map by tension
 STRAINS = tuple(f"strain_{side}" for side in SIDES)
 SPREAD = (*STRAINS, *(f"tension_{side}_N_per_m" for side in SIDES), "active_percent", "stress_max_Pa")
-NAMES = {part: [line.name for line in table.MEASURES if line.map == part] for part in ("map", "details")}  # of measures
 Pair = tuple[float, float]  # strains, or tensions [N/m], in weft and warp
-
-
-def levels_of_pairs(pairs: Sequence[Pair], levels: int) -> list[int]:
-    """Load levels of pairs of strains in a map [pair]: equal increments, `levels` to the largest strain."""
-    largest = max((abs(strain) for pair in pairs for strain in pair), default=0.0) or 1.0
-    return [max(1, math.ceil(max(map(abs, pair)) / largest * levels - 1e-9)) for pair in pairs]
+NAMES = {part: [line.name for line in table.MEASURES if line.map == part] for part in ("map", "details")}  # of measures
 
 
 class MapRow(Row):

@@ -235,25 +235,31 @@ class LoadPath:
 
 
 def knitted_worlds(
-    models: Sequence[Mesh], stages: Sequence[Stage], levels: Sequence[int], monitor: Monitor = lambda _: None
+    models: Sequence[Mesh], stages: Sequence[Sequence[Stage]], levels: Sequence[int], monitor: Monitor = lambda _: None
 ) -> Simulation:
-    """A simulation of meshes as knitted, each with a load step and its levels.
+    """A simulation of meshes as knitted, each with its load steps.
 
-    Loads are independent, so results do not depend on the meshes beside. `monitor` is called at every convergence check.
+    stages, levels: of each mesh, and of each of its load steps. Meshes are independent, so results do not depend on those beside. `monitor` is called at every convergence check.
     """
-    onwards = [_onwards(model, AS_KNITTED, stage, count) for model, stage, count in zip(models, stages, levels, strict=True)]
+    onwards = [
+        _onwards(model, PathState(tuple(before)), last, count)
+        for model, (*before, last), count in zip(models, stages, levels, strict=True)
+    ]
     return _begun(onwards, [AS_KNITTED] * len(onwards), monitor, ends_only=True)
 
 
 def share_done(simulation: Simulation, levels: Sequence[int]) -> float:
     """Completed share of all load levels of `knitted_worlds`; the first one of each mesh is unloaded."""
-    worlds = zip(simulation.drives, levels, strict=True)
-    done = (count if drive.progress.stage_index else max(0, drive.progress.level - 1) for drive, count in worlds)
-    return sum(done) / sum(levels)
+    done = total = 0
+    for drive, count in zip(simulation.drives, levels, strict=True):
+        progress = drive.progress
+        done += count * progress.stage_index + max(0, progress.level - (progress.stage_index == 0))
+        total += count * len(drive.model.scene.stages)
+    return done / total
 
 
 def ends_of(simulation: Simulation) -> Iterator[tuple[int, Record | Diverged]]:
-    """Number and last record of each world of one load step, as they converge; then the errors of the others."""
+    """Worlds and their records at the ends of load steps; then errors."""
     yield from ((record.world, record) for record in simulation.run())
     yield from simulation.failures.items()
 
@@ -265,7 +271,7 @@ def states_at(model: Mesh, gradients: Sequence[np.ndarray]) -> list[Observables 
     """
     count = len(gradients)
     stages, levels = [under_strain(model.scene, f) for f in gradients], [model.scene.output.levels] * count
-    ends = dict(ends_of(knitted_worlds([model] * count, stages, levels)))
+    ends = dict(ends_of(knitted_worlds([model] * count, [[stage] for stage in stages], levels)))
     return [end if isinstance(end, Diverged) else end.observables for _, end in sorted(ends.items())]
 
 

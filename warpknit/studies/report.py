@@ -32,13 +32,14 @@ from ..scene import Scene
 from ..solve.model import build_model
 from . import equal_tension
 from .card_files import CARD, ahead_of_card
-from .contact_map import MapRow, Optimum, find_jumps, find_optimum, levels_of_pairs
+from .contact_map import MapRow, Optimum, find_jumps, find_optimum
 from .curves import tension_strain
 from .equal_tension import EqualTensionPath
 from .fe_codes import CODES
 from .findings import Findings
 from .heat import heat, later_temperatures, tension_held
 from .load_path import LoadPath, Meshes, Monitor, PathState, meshes_of, part_of, states_at, under_tension
+from .map_paths import path_to
 from .mean_card import MeanCard, find_mean, loads_of_card
 from .opening_size import openings
 from .report_files import write_files
@@ -221,10 +222,9 @@ def _card(
             passed = [jump for jump in jumps if mean_tension(jump[0]) < tension]
         elif cell is not None:
             way = LoadPath(meshes)
-            assert scene.sweep is not None
-            levels = dict(zip(scene.sweep.pairs, levels_of_pairs(scene.sweep.pairs, scene.levels), strict=True))[cell.load]
-            stage = scene.sweep.stage(scene.stages[0], cell.load)
-            rows = list(way.rows(stage, levels, lambda share: monitor(WAY * share)))
+            to_cell, rows = path_to(scene, cell.load), []
+            for number, stage in enumerate(to_cell.stages(scene)):
+                rows += way.rows(stage, to_cell.levels, part_of(lambda share: monitor(WAY * share), number, len(to_cell.pairs)))
             jumps = passed = jumps_of(meshes.first, rows) if len(meshes.own) == 1 else []
         else:
             raise Diverged(equal_tension.unreached_text(scene, path, tension or 0.0))

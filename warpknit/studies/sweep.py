@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Container, Mapping
 from contextlib import suppress
 from itertools import groupby
 from pathlib import Path
@@ -43,6 +43,7 @@ from ..solve.variant_models import MOST_NODES, VariantModels
 from . import contact_map
 from .contact_map import STEADY, MapRow, Pair
 from .load_path import ends_of, knitted_worlds, share_done, with_frictions
+from .map_paths import MapPath, map_paths, path_to
 
 _log = logging.getLogger(__name__)
 
@@ -152,15 +153,16 @@ class _Mapper:
         """Means at the optimum with other frictions; an interrupt leaves them out."""
         if optimum is None or self.variants is None or not (meshes := with_frictions(self.variants)).again:
             return {}
-        stage, levels = self.sweep.stage(self.scene.stages[0], optimum.load), dict(self._levels)[optimum.load]
+        path = path_to(self.scene, optimum.load)
         models = {place: meshes.models[place] for place in meshes.again}
         count, found = len(models), dict[int, Mapping[str, float]]()
         with suppress(Interrupted), self._interrupts.handled():
             simulation = knitted_worlds(
-                list(models.values()), [stage] * count, [levels] * count, lambda _load: self._interrupts.check()
-            )
+                list(models.values()), [path.stages(self.scene)] * count, [path.levels] * count,
+                lambda _load: self._interrupts.check(),
+            )  # fmt: skip
             for world, end in ends_of(simulation):
-                if isinstance(end, Record):
+                if isinstance(end, Record) and end.stage_index == len(path.pairs) - 1:
                     row = contact_map.map_row(optimum.load, end, steps=0, by_tension=self.sweep.by_tension)
                     found[list(models)[world]] = vars(row)
             rows = {mesh: rows.get(optimum.load) for mesh, rows in enumerate(self.maps)}
@@ -170,10 +172,6 @@ class _Mapper:
             by_friction = {one: Values(**{name: mean[one] for name, mean in means.items()}) for one in known}
             return {"frictions": Values(**by_friction)} if known else {}
         return {}
-
-    @property
-    def _levels(self) -> Iterator[tuple[Pair, int]]:
-        return zip(self.pairs, contact_map.levels_of_pairs(self.pairs, self.scene.levels), strict=True)
 
     @property
     def rows(self) -> list[MapRow]:
@@ -195,10 +193,7 @@ class _Mapper:
     # --- cells ---
 
     def _missing(self) -> list[tuple[int, Pair]]:
-        """Meshes and pairs to solve: half of the variants at every pair, then all where these are not enough.
-
-        Meshes of one pair take similar numbers of steps, so they run side by side: a thread steps some of them at once.
-        """
+        """Meshes and pairs to solve: half of the variants at every pair, then all where these are not enough."""
         variants, first = self.scene.variants, first_meshes(self.scene.variants)
         missing = [(mesh, pair) for pair in self.pairs for mesh in range(first) if pair not in self.maps[mesh]]
         if missing or first == variants.count:
@@ -221,25 +216,35 @@ class _Mapper:
         return self.first if self.variants is None else self.variants.of_place(mesh)
 
     def _solve(self, missing: list[tuple[int, Pair]]) -> None:
-        """Solve pairs of meshes; one mesh after the other where worlds share loops."""
+        """Solve pairs of meshes along their paths; one mesh after the other where worlds share loops.
+
+        Meshes on one path take similar numbers of steps, so they run side by side: a thread steps some of them at once.
+        """
         meshes = max(mesh for mesh, _pair in missing) + 1
         several = f", {meshes} meshes" if meshes > 1 else ""
         self._stage += 1
         pairs = len({pair for _mesh, pair in missing})
         self.display.stage(f"{counted(pairs, 'pair')} of {self.sweep.quantity}{several}", number=self._stage, of=self._stage)
-        levels = dict(self._levels)
+        farthest = [
+            (mesh, path.up_to(pair))
+            for path in map_paths(self.scene)
+            for mesh in range(meshes)
+            if (pair := next((pair for pair in reversed(path.pairs) if (mesh, pair) in missing), None)) is not None
+        ]
         own_loops = self.scene.model.of_kind.own_loops
-        alike: Callable[[tuple[int, Pair]], int] = lambda one: self._model(one[0]).node_count if own_loops else one[0]  # noqa: E731
-        groups = [list(own) for _, own in groupby(sorted(missing, key=alike), alike)]
+        alike: Callable[[tuple[int, MapPath]], int] = lambda one: self._model(one[0]).node_count if own_loops else one[0]  # noqa: E731
+        groups = [list(own) for _, own in groupby(sorted(farthest, key=alike), alike)]
         fit = int(available_memory() // required_memory(self.first.scene, self.nodes))
         most, finished = max(1, min(fit, MOST_NODES // self.nodes)), 0
         for own in (group[begin : begin + most] for group in groups for begin in range(0, len(group), most)):
-            self._solve_together(own, [levels[pair] for _mesh, pair in own], finished / len(missing), len(own) / len(missing))
+            self._solve_together(own, set(missing), finished / len(farthest), len(own) / len(farthest))
             finished += len(own)
 
-    def _solve_together(self, own: list[tuple[int, Pair]], levels: list[int], finished: float, share: float) -> None:
-        """Solve pairs of meshes side by side, a `share` of this stage's."""
-        stages = [self.sweep.stage(self.scene.stages[0], pair) for _mesh, pair in own]
+    def _solve_together(
+        self, own: list[tuple[int, MapPath]], missing: Container[tuple[int, Pair]], finished: float, share: float
+    ) -> None:
+        """Solve paths of meshes side by side, a `share` of this stage's; keep the `missing` pairs."""
+        levels = [path.levels for _mesh, path in own]
         steps_before = self.steps
 
         def monitor(_load: float) -> None:
@@ -254,14 +259,21 @@ class _Mapper:
             if time.perf_counter() - self._saved > SAVE_INTERVAL:
                 self._save()
 
-        simulation = knitted_worlds([self._model(mesh) for mesh, _pair in own], stages, levels, monitor)
+        models, stages = [self._model(mesh) for mesh, _path in own], [path.stages(self.scene) for _mesh, path in own]
+        simulation = knitted_worlds(models, stages, levels, monitor)
         for world, end in ends_of(simulation):
-            mesh, pair = own[world]
-            if self.keep_states and not isinstance(end, Diverged):
-                self._keep(mesh * len(self.pairs) + self.pairs.index(pair), end.observables)
-            self.maps[mesh][pair] = contact_map.map_row(
-                pair, end, steps=simulation.drives[world].progress.steps, by_tension=self.sweep.by_tension
-            )
+            mesh, path = own[world]
+            if isinstance(end, Diverged):
+                progress = simulation.drives[world].progress
+                reached, steps = path.pairs[progress.stage_index :], progress.steps
+            else:
+                reached, steps = (path.pairs[end.stage_index],), end.steps
+            for pair in reached:
+                if (mesh, pair) not in missing:
+                    continue
+                if self.keep_states and isinstance(end, Record):
+                    self._keep(mesh * len(self.pairs) + self.pairs.index(pair), end.observables)
+                self.maps[mesh][pair] = contact_map.map_row(pair, end, steps=steps, by_tension=self.sweep.by_tension)
         self.steps = steps_before + simulation.steps
 
     # --- files ---
@@ -304,7 +316,7 @@ class _Mapper:
             version=__version__,
             stop_reason=reason,
             warnings=warnings,
-            path=f"each pair of {self.sweep.quantity} separately, proportionally from the knitted mesh,"
+            path=f"each pair of {self.sweep.quantity} proportionally from the knitted mesh,"
             f" {scene.levels} levels to the largest {self.sweep.quantity.removesuffix('s')}",
             loads=self.sweep.quantity,
             cells=Values(wanted=len(self.pairs), done=len(rows), steady=sum(row.stop_reason == STEADY for row in rows)),
