@@ -239,7 +239,8 @@ def knitted_worlds(
 ) -> Simulation:
     """A simulation of meshes as knitted, each with its load steps.
 
-    stages, levels: of each mesh, and of each of its load steps. Meshes are independent, so results do not depend on those beside. `monitor` is called at every convergence check.
+    stages, levels: of each mesh, and of each of its load steps. Meshes are independent, so results do not depend on those
+    beside. `monitor` is called at every convergence check.
     """
     onwards = [
         _onwards(model, PathState(tuple(before)), last, count)
