@@ -26,6 +26,7 @@ PATIENCE_NODES = 100  # nodes a loop up to which that holds
 MOST_WAITING = 100  # checks with all criteria met, for a residual further below its tolerance
 UNKNOWN = 1.0  # drift ratio before there are enough checks: not converged
 TENSION_FLOOR = 1e-3  # of EI/C^3: lower bound of the tension in its relative change
+UNRECORDED = 1.0 + 1e-9  # residual over its tolerance where no record follows: the drift of the tension does not count
 ON_THE_WAY = 3.0  # residual over its tolerance to which a mesh with a history converges between two levels
 ANY = 1e30  # the same where no wires touch: nothing there has a history
 
@@ -160,7 +161,7 @@ class Equilibrium:
         asked = np.array([self.relaxations[row].progress.to_ratio for row in rows])
         at_limit = np.asarray(self.group.strains.at_limit(rows).any(axis=1))
         asked[at_limit] = ON_THE_WAY
-        asked[(asked > 1.0) & ~self.group.touches[rows]] = ANY
+        asked[(asked > UNRECORDED) & ~self.group.touches[rows]] = ANY
         ratio = self.convergence.with_drift(rows, ratio, self.group.converged_stress, asked, at_limit)
         unconverged = ~(ratio < 1.0)  # not a number has not converged
         checked = unconverged & ~loading

@@ -27,7 +27,7 @@ from ..mesh.rim import LoadPoint
 from ..mesh.tight_loops import is_tight
 from ..scene import Stage
 from .drive import Drive
-from .equilibrium import ON_THE_WAY, Equilibrium
+from .equilibrium import ON_THE_WAY, UNRECORDED, Equilibrium
 from .membrane import Lift
 from .progress import Progress
 from .stage_load import history_steps, strained
@@ -164,7 +164,7 @@ class Relaxation(Drive):
         width = Fraction(1, self.scene.output.levels)
         unloaded = progress.stage_index == 0
         while (share := (progress.level + (not unloaded)) * width) <= 1:
-            yield from self._increment(stage, share, width)
+            yield from self._increment(stage, share, width, is_recorded=share == 1 or not ends_only)
             yield from self._recorded(stage, share, ends_only)
 
     def refined_levels(self, stage: Stage, ends_only: bool) -> Generator[Record | Unsolved, None, None]:
@@ -245,10 +245,12 @@ class Relaxation(Drive):
         self.load_state_dict(equilibrium)
         self.progress.solving, self.progress.level_share = False, 0.0
 
-    def _increment(self, stage: Stage, share: Fraction, width: Fraction, *, may_cut: bool = True) -> Iterator[Unsolved]:
+    def _increment(
+        self, stage: Stage, share: Fraction, width: Fraction, *, may_cut: bool = True, is_recorded: bool = True
+    ) -> Iterator[Unsolved]:
         """Go to a share of the load of a stage, from `width` before it.
 
-        may_cut: halve the increment where it fails, else raise `Diverged`.
+        may_cut: halve the increment where it fails, else raise `Diverged`. is_recorded: whether a record follows.
         """
         progress, factor = self.progress, float(share)
         unloaded = progress.stage_index == 0
@@ -266,8 +268,12 @@ class Relaxation(Drive):
             if driven.any() and there > 0.0:
                 load = replace(load, tension=np.where(driven, tension_start + there * (tension_end - tension_start), np.nan))
             try:
-                is_on_the_way = self.scene.depends_on_path and load.tension is None and progress.part + 1 < parts
-                yield from self.reach(load, ON_THE_WAY if is_on_the_way else 1.0)
+                to_ratio = 1.0
+                if load.tension is None and self.scene.depends_on_path:
+                    to_ratio = ON_THE_WAY if progress.part + 1 < parts else 1.0
+                elif load.tension is None and not is_recorded:
+                    to_ratio = UNRECORDED
+                yield from self.reach(load, to_ratio)
             except Diverged as error:
                 self._cut(error)
                 whole = self._parts_of_level(stage, factor, float(width))  # more, where a start from a smaller mesh has failed
@@ -362,7 +368,7 @@ class Relaxation(Drive):
         """Start the next level: predict its state and apply its load; see `Convergence.with_drift`."""
         self._start_level(load)
         self.mechanics.begin_level()
-        if to_ratio <= 1.0:  # test whether the equilibrium is stable, surely before the load and at the end of a stage
+        if to_ratio <= UNRECORDED:  # test whether the equilibrium is stable, surely before the load and at the end of a stage
             self.mechanics.begin_test(is_certain=not 0.0 < self.progress.load_factor < 1.0)
         self.progress.solving = True
         self._begin_solving(to_ratio)
