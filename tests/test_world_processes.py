@@ -63,6 +63,15 @@ def test_worlds_have_the_same_results_in_processes(two_processes) -> None:
     assert spread.steps == here.steps
 
 
+def test_planar_worlds_have_the_same_results_in_processes(two_processes) -> None:
+    """Their models have device arrays."""
+    scene = scene_of(model={"kind": "planar", "boundary": "periodic"})
+    scenes = [scene, scene.changed(["load.strain_warp=0.03"])]
+    _, expected = found_by(scenes, spread=False)
+    _, found = found_by(scenes, spread=True)
+    assert found == expected and {world for world, *_ in found} == {0, 1}
+
+
 def test_a_path_of_meshes_goes_on_in_processes(two_processes, monkeypatch) -> None:
     meshes, scene = VariantModels(scene_of()), scene_of()
     models = [meshes.of_place(place) for place in (0, 1)]

@@ -6,6 +6,7 @@ A copy into fresh memory waits for the system to provide its pages, several time
 from __future__ import annotations
 
 import bisect
+import copyreg
 import ctypes
 from collections import deque
 from threading import Lock
@@ -155,6 +156,10 @@ class Mirror:
 def shared(values: np.ndarray, kind: type, device: str) -> wp.array:
     """Read-only values on the device; on the CPU in the same memory if the types agree."""
     return wp.array(values, dtype=kind, device=device, copy=False)
+
+
+# models go to other processes with their arrays
+copyreg.pickle(wp.array, lambda array: (shared, (take(array), array.dtype, str(array.device))))
 
 
 def zeros(shape: int | tuple[int, ...], kind: type, device: str) -> wp.array:

@@ -25,10 +25,6 @@ class MapPath:
         """Load levels of all pairs."""
         return len(self.pairs) * self.levels
 
-    def up_to(self, pair: Pair) -> MapPath:
-        """The path to one of its pairs."""
-        return replace(self, pairs=self.pairs[: self.pairs.index(pair) + 1])
-
     def stages(self, scene: Scene) -> list[Stage]:
         """Load steps of the path in the scene of its map."""
         assert scene.sweep is not None
@@ -57,7 +53,8 @@ def map_paths(scene: Scene) -> list[MapPath]:
 
 def path_to(scene: Scene, pair: Pair) -> MapPath:
     """The path of a map to one of its pairs."""
-    return next(path for path in map_paths(scene) if pair in path.pairs).up_to(pair)
+    path = next(path for path in map_paths(scene) if pair in path.pairs)
+    return replace(path, pairs=path.pairs[: path.pairs.index(pair) + 1])
 
 
 def _size(pair: Pair) -> float:

@@ -225,19 +225,19 @@ class _Mapper:
         self._stage += 1
         pairs = len({pair for _mesh, pair in missing})
         self.display.stage(f"{counted(pairs, 'pair')} of {self.sweep.quantity}{several}", number=self._stage, of=self._stage)
-        farthest = [
-            (mesh, path.up_to(pair))
+        paths = [
+            (mesh, path)
             for path in map_paths(self.scene)
             for mesh in range(meshes)
-            if (pair := next((pair for pair in reversed(path.pairs) if (mesh, pair) in missing), None)) is not None
+            if any((mesh, pair) in missing for pair in path.pairs)
         ]
         own_loops = self.scene.model.of_kind.own_loops
         alike: Callable[[tuple[int, MapPath]], int] = lambda one: self._model(one[0]).node_count if own_loops else one[0]  # noqa: E731
-        groups = [list(own) for _, own in groupby(sorted(farthest, key=alike), alike)]
+        groups = [list(own) for _, own in groupby(sorted(paths, key=alike), alike)]
         fit = int(available_memory() // required_memory(self.first.scene, self.nodes))
         most, finished = max(1, min(fit, MOST_NODES // self.nodes)), 0
         for own in (group[begin : begin + most] for group in groups for begin in range(0, len(group), most)):
-            self._solve_together(own, set(missing), finished / len(farthest), len(own) / len(farthest))
+            self._solve_together(own, set(missing), finished / len(paths), len(own) / len(paths))
             finished += len(own)
 
     def _solve_together(
