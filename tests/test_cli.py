@@ -131,6 +131,24 @@ def test_every_way_to_end_has_its_status_and_one_line(behind, error, status, sai
     assert len(result.stderr.strip().splitlines()) == 1
 
 
+INTERRUPTED_EXIT = """
+import os, signal
+class Last:
+    def __del__(self, kill=os.kill, own=os.getpid(), number=signal.SIGINT):
+        kill(own, number)
+last = Last()
+from warpknit.commands.cli import main
+main()
+"""
+
+
+@pytest.mark.parametrize(("arguments", "status"), [(["--version"], 0), (["walk"], 2)])
+def test_ctrl_c_while_python_exits_does_not_change_the_status(arguments, status):
+    """Modules are cleared when Python no longer handles signals."""
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED_EXIT, *arguments], check=False, capture_output=True, timeout=60)
+    assert done.returncode == status
+
+
 def test_a_fault_of_the_program_is_not_hidden(behind):
     behind.outcome = ZeroDivisionError()
     result = invoke("run", CELL)

@@ -12,7 +12,7 @@ import pytest
 
 from warpknit import measure
 from warpknit.compute.steering import Steering
-from warpknit.mechanics.response import STRAIN, zero_response
+from warpknit.mechanics.response import STRAIN, find_response, zero_response
 from warpknit.mesh.layout import smaller_scene
 from warpknit.planar.mechanics import PlanarMechanics
 from warpknit.planar.model import Model
@@ -183,6 +183,26 @@ def test_response_is_the_derivative_of_the_stress() -> None:
     turn = np.array([[0.0, -1.0], [1.0, 0.0]])
     turned = np.einsum("abcd,cd->ab", tangent, turn @ gradient)
     assert turned == pytest.approx(turn @ stress, abs=STRAIN / 0.1 * np.abs(tangent).max())
+
+
+def test_the_response_needs_only_the_equilibria_beside_the_present_one() -> None:
+    """Of P = P0 + C : (F - F0) with symmetric, positive C it is C, from four equilibria."""
+    rng, gradient = np.random.default_rng(0), np.diag([1.1, 1.05])
+    matrix = rng.normal(size=(4, 4))
+    stiffness, stress = (matrix @ matrix.T + np.eye(4)).reshape(2, 2, 2, 2), rng.normal(size=(2, 2))
+    found: list[np.ndarray] = []
+
+    def cell_at(there: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        found.append(there - gradient)
+        assert temperature == 250.0
+        return stress + np.einsum("abcd,cd->ab", stiffness, there - gradient), {"slide": there.ravel()}
+
+    table = SimpleNamespace(start=np.array([0]), lead=0, x=np.zeros(4), nodes=np.array([4]))
+    cell = SimpleNamespace(table=table, panel=SimpleNamespace(wire_first=np.array([0]), node_count=4))
+    response = find_response((stress, {"slide": gradient.ravel()}), cell_at, cell, gradient, 250.0, "cpu")
+    assert np.array(found).reshape(4, 4) == pytest.approx(STRAIN * np.eye(4))
+    assert response.tangent == pytest.approx(stiffness, rel=1e-9)
+    assert response.change["slide"].numpy() == pytest.approx(np.eye(4), abs=1e-9)
 
 
 @pytest.mark.parametrize("stop_at", [pytest.param(5, marks=pytest.mark.slow), 60])

@@ -139,9 +139,14 @@ def test_an_override_is_toml_or_a_plain_string(text):
     assert make_scene({}, [f"wire.diameter={text}"]).wire.diameter == 17e-6
 
 
-def test_an_override_takes_the_place_of_the_other_way_to_say_it():
+def test_an_override_takes_the_place_of_the_other_way_to_say_it(caplog):
     table = {"load": {"strain_weft": 0.1, "strain_warp": 0.1}, "knit": {"wale_spacing": "1.7 mm"}}
-    scene = make_scene(table, ["load.tension_weft=2 N/m", "knit.wales=5 /cm"])
+    with caplog.at_level("INFO", logger="warpknit"):
+        scene = make_scene(table, ["load.tension_weft=2 N/m", "knit.wales=5 /cm", "load.strain_warp=0.1"])
+    assert caplog.messages == [
+        "load.tension_weft replaces load.strain_weft = 0.1",
+        "knit.wales replaces knit.wale_spacing = '1.7 mm'",
+    ]
     assert (scene.stages[0].strain_weft, scene.stages[0].tension_weft) == (None, 2.0)
     assert scene.stages[0].strain_warp == 0.1
     assert scene.knit.wale_spacing == 2e-3

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from reference.histories import history
-from warpknit.export import ExportError, export_run
+from warpknit.base.errors import ExportError, RunDirectoryError
+from warpknit.export import export_run
 from warpknit.export.tables import contact_table
 from warpknit.results.frame import Frame, WireLayout, curve_position
 
@@ -101,26 +102,27 @@ def test_csv(run_dir: Path, layout: WireLayout, make_frame: Callable[..., Frame]
 )
 def test_unusable_directory_is_refused_in_one_line(run_dir: Path, spoil: Callable[[Path], object], message: str) -> None:
     spoil(run_dir)
-    with pytest.raises(ExportError, match=message) as caught:
+    with pytest.raises(RunDirectoryError, match=message) as caught:
         export_run(run_dir, "usd")
     assert "\n" not in str(caught.value) and str(run_dir) in str(caught.value)
 
 
 def test_missing_and_foreign_directories_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ExportError, match="absent: "):
+    with pytest.raises(RunDirectoryError, match="absent: "):
         export_run(tmp_path / "absent", "csv")
-    with pytest.raises(ExportError, match="no layout.npz"):
+    with pytest.raises(RunDirectoryError, match="no layout.npz"):
         export_run(tmp_path, "csv")
 
 
 def test_unknown_format_is_refused(run_dir: Path) -> None:
-    with pytest.raises(ExportError, match="--to: 'stl' "):
+    with pytest.raises(ExportError, match="--to: 'stl' ") as caught:
         export_run(run_dir, "stl")
+    assert not isinstance(caught.value, RunDirectoryError) and caught.value.exit_code == 2
 
 
 def test_a_map_is_told_from_a_run(tmp_path: Path) -> None:
     (tmp_path / "map.json").write_text("{}")
-    with pytest.raises(ExportError, match="map"):
+    with pytest.raises(RunDirectoryError, match="map"):
         export_run(tmp_path, "csv")
 
 
@@ -134,7 +136,7 @@ def test_a_damaged_file_is_named_before_anything_else(run_dir: Path, name: str, 
         (run_dir / name).write_text("torn")
     if name == "summary.json" and missing:
         shutil.rmtree(run_dir / "states")
-    with pytest.raises(ExportError, match=name):
+    with pytest.raises(RunDirectoryError, match=name):
         export_run(run_dir, "csv")
 
 

@@ -14,7 +14,7 @@ import pytest
 from matplotlib.colorbar import Colorbar
 
 import warpknit
-from warpknit.base.errors import ExportError, InputError
+from warpknit.base.errors import InputError, RunDirectoryError
 from warpknit.base.text import engineering
 from warpknit.export.view import drawing as drawings
 from warpknit.export.view import open_viewer
@@ -283,15 +283,15 @@ def test_without_the_extra_one_line_tells_how_to_install_it(tmp_path: Path, monk
 def test_what_is_no_run_is_refused(layout: WireLayout, make_frame: Callable[..., Frame], tmp_path: Path) -> None:
     pytest.importorskip("viser", reason="extra `view` is not installed")
     for directory, said in ((tmp_path / "none", "no such directory"), (tmp_path, "not the directory of a run")):
-        with pytest.raises(ExportError, match=said):
+        with pytest.raises(RunDirectoryError, match=said):
             open_viewer(directory)
     write_run(tmp_path, layout, [])
-    with pytest.raises(ExportError, match=str(tmp_path)):
+    with pytest.raises(RunDirectoryError, match=str(tmp_path)):
         open_viewer(tmp_path)
     write_run(tmp_path, layout, [make_frame(0)])
     for name, said in (("states/state_000000.npz", "not a saved Frame"), ("layout.npz", "not a saved WireLayout")):
         (tmp_path / name).write_text("torn")
-        with pytest.raises(ExportError, match=said):
+        with pytest.raises(RunDirectoryError, match=said):
             open_viewer(tmp_path)
 
 

@@ -54,8 +54,8 @@ class RunDirectoryError(InputError):
     """The run directory cannot be used: it contains a finished run, or it is not a directory."""
 
 
-class ExportError(RunDirectoryError):
-    """Nothing to export there, or not to that format."""
+class ExportError(InputError):
+    """There is no such export format, or its package is not installed."""
 
 
 class MissingExtra(InputError, ImportError):

@@ -192,7 +192,7 @@ def report(ranks: Ranks, asked: Asked, **options: str | None) -> int:
 @on_scene(click.option("--json", "as_json", is_flag=True, help="One JSON object instead of text."))
 def plan(_ranks: Ranks, asked: Asked, as_json: bool) -> None:
     """Show the size, physics, memory, steps and time of a run of SCENE."""
-    configure_logging(logging.WARNING)
+    configure_logging(logging.INFO)
     from ..scene import load_scene
 
     loaded = load_scene(Path(asked.scene), asked.overrides, asked.preset)

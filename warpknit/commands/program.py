@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import errno
 import logging
 import shutil
+import signal
 import sys
 import traceback
 from collections.abc import Callable
@@ -75,6 +77,7 @@ class Program(click.Group):
             status, line = known
             if status != FAULT:
                 line = f"warpknit: {' '.join(line.split())}"
+        atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)  # Ctrl-C while Python exits does not change the status
         status, speaks = ranks.leave(status)
         if line and speaks and (ranks.count > 1 or not started_as()):
             click.echo(line, err=True)

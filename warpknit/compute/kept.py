@@ -24,7 +24,7 @@ from .host import fetch, is_in_place, store
 
 Kept = dict[str, np.ndarray]
 ARRAYS, VALUES, COLLECTIONS = (wp.array, np.ndarray), (bool, int, float, str, np.generic), (list, tuple, dict)
-TYPE = "/type"  # ending of the name under which the type of a collection is saved, with its length or keys
+TYPE = "/type"  # ending of the name under which the type of a collection is saved, with its length or keys; and that of None
 
 
 class Owner(NamedTuple):
@@ -49,11 +49,9 @@ def save(*owners: Owner, copied: bool = True) -> Kept:
 
 
 def restore(kept: Kept, *owners: Owner) -> None:
-    """Set the variables of owners to what `save` returned. Raises `KeyError`, `ValueError` for values of something else."""
-    known = {name.partition(".")[0] for name in kept}
+    """Set the variables of owners to what `save` returned. Raises `KeyError` for a missing one, `ValueError` for another size."""
     for owner in owners:
-        if type(owner.variables).__name__ in known:  # else it had not begun when the others were saved
-            _restore_variables(owner, f"{type(owner.variables).__name__}.", kept)
+        _restore_variables(owner, f"{type(owner.variables).__name__}.", kept)
 
 
 def rows_of(array: Any, world: int, worlds: int) -> slice:
@@ -80,12 +78,12 @@ def _save_variables(owner: Owner, prefix: str, kept: Kept, *, copied: bool) -> N
 
 
 def _save(value: Any, name: str, owner: Owner, kept: Kept, *, copied: bool) -> None:
-    if value is None:
-        return
     if isinstance(value, ARRAYS):
         kept[name] = _part(value, owner, copied=copied)
     elif isinstance(value, VALUES):
         kept[name] = np.array(value)
+    elif value is None:
+        kept[name + TYPE] = np.array(json.dumps(["NoneType", []]))
     elif isinstance(value, COLLECTIONS):
         keys = list(value) if isinstance(value, dict) else list(range(len(value)))
         kept[name + TYPE] = np.array(json.dumps([type(value).__name__, keys]))
@@ -136,12 +134,14 @@ def _restored(value: Any, name: str, owner: Owner, kept: Kept) -> Any:
     if hasattr(value, "KEPT") or hasattr(value, "state_dict") or is_dataclass(value):
         _restore_variables(owner._replace(variables=value), f"{name}.", kept)
         return value
-    return None
+    raise KeyError(name)
 
 
 def _restored_items(value: Any, name: str, owner: Owner, kept: Kept) -> Any:
     """A list, tuple or dictionary; objects and device arrays in one of the same length are restored in place."""
     kind, keys = json.loads(str(kept[name + TYPE]))
+    if kind == "NoneType":
+        return None
     now: dict[Any, Any] = {}
     if type(value).__name__ == kind and len(value) == len(keys):
         now = value if isinstance(value, dict) else dict(enumerate(value))

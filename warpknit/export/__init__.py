@@ -12,7 +12,7 @@ from warpknit.base.errors import ExportError
 from warpknit.base.text import either
 from warpknit.export.run_record import RunRecord, read_run
 
-__all__ = ["FORMATS", "ExportError", "RunRecord", "export_record", "export_run"]
+__all__ = ["FORMATS", "RunRecord", "export_record", "export_run"]
 
 FORMATS = {  # what `--to` takes: the module here, and its function
     "usd": "usd.writer.export_usd",  # scene.usda and its layers
@@ -23,7 +23,7 @@ FORMATS = {  # what `--to` takes: the module here, and its function
 
 
 def export_run(run_dir: Path, to: str) -> list[Path]:
-    """Export a finished or interrupted run into its directory; the paths."""
+    """Export a finished or interrupted run into its directory; the paths. Raises `ExportError`, `RunDirectoryError`."""
     if to not in FORMATS:
         raise ExportError(f"--to: {to!r} is unknown; give {either(list(FORMATS))}")
     return export_record(read_run(run_dir), to)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from warpknit.base.errors import ExportError
+from warpknit.base.errors import RunDirectoryError
 from warpknit.results.frame import Frame, WireLayout
 from warpknit.results.row import Columns, Row, Values, columns_of, read_rows, valued
 
@@ -35,7 +35,7 @@ class RunRecord:
             yield self.frame(index)
 
     def frame(self, index: int) -> Frame:
-        """One frame. Raises `ExportError` where it cannot be read or does not fit the layout."""
+        """One frame. Raises `RunDirectoryError` where it cannot be read or does not fit the layout."""
         return read_frame(self.states[index], self.layout)
 
     def history(self) -> Columns:
@@ -46,7 +46,7 @@ class RunRecord:
         except (OSError, ValueError, csv.Error) as error:
             raise _unreadable(path, error) from error
         if not rows:
-            raise ExportError(f"{path}: no record")
+            raise RunDirectoryError(f"{path}: no record")
         return columns_of({**vars(row), "jump": int(row.get("index") in behind)} for row in rows)
 
     def panel(self, index: int) -> Mapping[str, Columns]:
@@ -56,13 +56,13 @@ class RunRecord:
 
 
 def read_run(directory: Path, *, also_running: bool = False) -> RunRecord:
-    """Raises `ExportError` where there is no run, or one without states. also_running: take a run that goes on as well."""
+    """Raises `RunDirectoryError` where there is no run, or one without states. also_running: take a run that goes on as well."""
     layout_path, summary_path = directory / "layout.npz", directory / "summary.json"
     if not layout_path.is_file() and not summary_path.is_file():
         what = "no layout.npz and no summary.json" if directory.is_dir() else "no such directory"
-        raise ExportError(f"{directory}: {what}; give the directory of a run, not of a map or a trade")
+        raise RunDirectoryError(f"{directory}: {what}; give the directory of a run, not of a map or a trade")
     if not also_running and not summary_path.is_file():
-        raise ExportError(f"{directory}: the run is not finished (no summary.json); continue it with --resume")
+        raise RunDirectoryError(f"{directory}: the run is not finished (no summary.json); continue it with --resume")
     about: dict[str, Any] = {}
     path = summary_path
     try:
@@ -78,10 +78,10 @@ def read_run(directory: Path, *, also_running: bool = False) -> RunRecord:
                 "jumps": summary.get("jumps", ()),
             }
         if not (states := state_files(directory)):
-            raise ExportError(f"{directory}: the run has no states")
+            raise RunDirectoryError(f"{directory}: the run has no states")
         return RunRecord(directory, WireLayout.load(path := layout_path), tuple(states), **about)
     except AttributeError as error:
-        raise ExportError(f"{path}: not the summary of a run") from error
+        raise RunDirectoryError(f"{path}: not the summary of a run") from error
     except DAMAGED as error:  # JSONDecodeError is a ValueError
         raise _unreadable(path, error) from error
 
@@ -93,7 +93,7 @@ def state_files(directory: Path) -> list[Path]:
 
 
 def read_frame(path: Path, layout: WireLayout) -> Frame:
-    """A recorded state; raises `ExportError` where it cannot be read or does not fit the layout."""
+    """A recorded state; raises `RunDirectoryError` where it cannot be read or does not fit the layout."""
     try:
         frame = Frame.load(path)
         frame.require_layout(layout)
@@ -103,7 +103,7 @@ def read_frame(path: Path, layout: WireLayout) -> Frame:
     return frame
 
 
-def _unreadable(path: Path, error: Exception) -> ExportError:
+def _unreadable(path: Path, error: Exception) -> RunDirectoryError:
     """Error of an unreadable file, which names it once."""
     why = getattr(error, "strerror", None) or " ".join(str(error).split()).removeprefix(f"{path}: ")
-    return ExportError(f"{path}: {why}")
+    return RunDirectoryError(f"{path}: {why}")

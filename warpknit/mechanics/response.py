@@ -14,9 +14,8 @@ from .protocols import Mechanics
 STRAIN = 2e-3  # strain increment of the finite differences
 LEAST_STIFFNESS = 1e-2  # smallest eigenvalue of the tangent over the largest; lower ones are raised
 UNCERTAINTY = 2.0  # the same over a negative one: in slack cloth the uncertainty of all
-# nominal stress (2, 2) [N/m] of one periodic repeat in equilibrium at a deformation gradient (2, 2) and a temperature [K], and
-# what describes its state (`Mechanics.state_variables`)
-CellState = Callable[[np.ndarray, float], tuple[np.ndarray, dict[str, np.ndarray]]]
+# nominal stress (2, 2) [N/m] of one periodic repeat in equilibrium, and what describes its state (`Mechanics.state_variables`)
+CellState = tuple[np.ndarray, dict[str, np.ndarray]]
 OF_BODIES = "body_"  # beginning of the names of fields of bodies
 
 
@@ -36,14 +35,22 @@ class Response:
         return self.change.get(name, self.no_change)
 
 
-def find_response(cell_at: CellState, cell: Any, gradient: np.ndarray, temperature: float, device: str) -> Response:
+def find_response(
+    present: CellState,
+    cell_at: Callable[[np.ndarray, float], CellState],
+    cell: Any,
+    gradient: np.ndarray,
+    temperature: float,
+    device: str,
+) -> Response:
     """Response of endless cloth at a load. By finite differences of equilibria of one repeat, the model `cell`.
 
-    device: of the mesh that responds; the repeat may have another.
+    present: the equilibrium at `gradient` (2, 2) and `temperature` [K]. cell_at: finds another one. device: of the mesh that responds;
+    the repeat may have another.
 
     Raises `Diverged` where the repeat does not converge.
     """
-    stress, values = cell_at(gradient, temperature)
+    stress, values = present
     tangent = np.zeros((2, 2, 2, 2))
     change = {name: np.zeros((4, len(value))) for name, value in values.items()}
     for k, (c, d) in enumerate(np.ndindex(2, 2)):

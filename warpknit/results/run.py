@@ -240,7 +240,7 @@ class Run:
         return sorted((self.directory / "figures").glob("*.png"))
 
     def export(self, to: str) -> list[Path]:
-        """Write the states as "usd", "vtk", "csv" or "png" into the directory; the files. Raises `ExportError`."""
+        """Write the states as "usd", "vtk", "csv" or "png" into the directory; the files. Raises as `export_run` does."""
         from ..export import export_run
 
         with naming_arguments():
@@ -249,7 +249,7 @@ class Run:
     def view(self, *, host: str = "localhost", port: int = 8080) -> Viewer:
         """Show the records in the browser and in a notebook, until its `stop()`. The result has the `url`.
 
-        port: the first port to try. Needs the extra `view`. Raises `ExportError` for a map.
+        port: the first port to try. Needs the extra `view`. Raises `RunDirectoryError` for a map.
         """
         from ..export.view import open_viewer
 

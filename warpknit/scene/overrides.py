@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,6 +13,7 @@ from .messages import Location, default_list, dotted, scene_error, table_at, unk
 from .scene import Override, Overrides
 from .units import shown
 
+_log = logging.getLogger(__name__)
 DOTTED_KEY = "write one such as load.strain_warp or knit.bars[1].chain"
 _PART = re.compile(r"(?P<name>[A-Za-z0-9_-]+)(?P<indices>(\[\d{1,6}\])*)")
 
@@ -24,7 +26,7 @@ def as_list(overrides: Overrides) -> list[Override]:
 
 
 def with_overrides(file: object, table: Mapping[str, Any], overrides: Overrides) -> Mapping[str, Any]:
-    """A copy of `table` with the overrides set, in their order. The values are checked later, with the rest."""
+    """A copy of `table` with the overrides set, in their order; logs what they replace. The values are checked later."""
     made = as_written(table, file)
     keys_set: set[Location] = set()
     for override in as_list(overrides):
@@ -34,8 +36,9 @@ def with_overrides(file: object, table: Mapping[str, Any], overrides: Overrides)
         keys_set.add(location)
         if isinstance(holder, dict):
             for rival in _alternatives(location):
-                if (*location[:-1], rival) not in keys_set:
-                    holder.pop(rival, None)
+                replaced = (*location[:-1], rival)
+                if rival in holder and replaced not in keys_set:
+                    _log.info("%s replaces %s = %s", dotted(location), dotted(replaced), shown(holder.pop(rival)))
     return made
 
 

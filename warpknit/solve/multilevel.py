@@ -153,11 +153,12 @@ class MultilevelRelaxation(Relaxation):
             prepared = self._solve_smaller(self.smaller, load)
         if self.cell is not None and self.membrane is not None:
             gradient, temperature = prepared.gradient, prepared.temperature
-            repeat, at = self.cell, self.cell.equilibrium_at
             if self.smaller is not None and self.smaller.scene.depends_on_path:
                 # the repeat with the friction of the mesh: contacts that stick make cloth stiffer, six times in shear
-                repeat, at = self.smaller, self.smaller.equilibrium_beside
-            self._response = find_response(at, repeat.model, gradient, temperature, self.model.device)
+                repeat, at, present = self.smaller, self.smaller.equilibrium_beside, self.smaller.stress_and_state()
+            else:
+                repeat, at, present = self.cell, self.cell.equilibrium_at, self.cell.equilibrium_at(gradient, temperature)
+            self._response = find_response(present, at, repeat.model, gradient, temperature, self.model.device)
             self.membrane.renew(self._response)
         return prepared
 

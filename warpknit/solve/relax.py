@@ -343,8 +343,12 @@ class Relaxation(Drive):
             self.mechanics.advance_history()
 
     def equilibrium_at(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Nominal stress (2, 2) [N/m] of the equilibrium under a load, and its state variables."""
+        """Stress and state of the equilibrium under a load; see `stress_and_state`."""
         self.solve(LoadPoint(gradient, temperature))
+        return self.stress_and_state()
+
+    def stress_and_state(self) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Nominal stress (2, 2) [N/m] of the present equilibrium, and its state variables."""
         return self.mechanics.observe().nominal_stress, self.mechanics.state_variables()
 
     def equilibrium_beside(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:

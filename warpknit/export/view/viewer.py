@@ -24,7 +24,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ...base.errors import ExportError, InputError
+from ...base.errors import InputError, RunDirectoryError
 from ...base.text import engineering, percent
 from ...knit.cloth import CLASS_NAMES
 from ...results.frame import Floats
@@ -52,7 +52,7 @@ ASK = "Click a wire or a contact."
 
 
 class Viewer:
-    """Records of a run, finished or not, on a page in the browser. Raises `ExportError` without records."""
+    """Records of a run, finished or not, on a page in the browser. Raises `RunDirectoryError` without records."""
 
     def __init__(self, directory: Path, *, host: str = "localhost", port: int = 8080) -> None:
         """port: the first free one from here on is taken."""
@@ -286,7 +286,7 @@ class Viewer:
         """[N/m] of the record in weft and warp; None where the history does not have it."""
         try:
             history = self.run.history()
-        except ExportError:  # a run that has just begun
+        except RunDirectoryError:  # a run that has just begun
             return None
         return numbers_of(history, self.frame.index, *TENSIONS)
 
