@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from reference.in_words import quantities
+from warpknit.runner.other_model import FIGURES
 from warpknit.studies.contact_map import (
-    SPREAD,
     MapRow,
     drift_text,
     find_optimum,
@@ -46,7 +46,7 @@ def row(weft, warp, active=50.0, stress=1e8, tension=(0.1, 0.2), reason="steady"
         variants=int(steady),
         steps=5 if steady else 7,
         message="" if steady else "too fast",
-        **dict.fromkeys(f"std_{name}" for name in SPREAD),
+        **dict.fromkeys(f"std_{name}" for name in FIGURES),
         **(measures if steady else dict.fromkeys(measures)),
     )
 

@@ -292,9 +292,12 @@ def test_an_interrupted_estimate_goes_on_with_the_meshes_in_the_files_of_the_run
 def test_errors_are_shown_in_the_units_of_their_figures():
     end = Row(strain_weft=0.1, strain_warp=-0.02, tension_weft_N_per_m=2.0, tension_warp_N_per_m=4.0, stress_max_Pa=1e8)
     by_tension = Estimate(0.15, 15.0, 0.05, stress=0.1, strain=0.05, friction=0.15, nodes=0.01)
-    assert (_error_finding(by_tension, end).value, _error_finding(by_tension, end).where) == (
-        "strain 0.5 points, active 15 points, stress 10 MPa", ", mostly by friction",
-    )  # fmt: skip
-    assert _error_finding(Estimate(0.05, tension=0.05), end).value == "tension 200 mN/m"
+    found = _error_finding(by_tension, end, by_tension=True)
+    assert (found.value, found.where) == ("strain 0.5 points, active 15 points, stress 10 MPa", ", mostly by friction")
+    assert _error_finding(Estimate(0.05, tension=0.05), end, by_tension=False).value == "tension 200 mN/m"
+    mixed = Estimate(0.05, tension=0.05, strain=0.01)
+    assert _error_finding(mixed, end, by_tension=False).value == "tension 200 mN/m, strain 0.1 points"
+    hook = Row(is_hook=True, drive_force_N=-2e-3, stress_max_Pa=1e8)
+    assert _error_finding(Estimate(0.05, tension=0.05), hook, by_tension=False).value == "force 100 uN"
     assert _changed("strain_warp", -0.2, end, "+") == "strain -2 points warp"
     assert _changed("tension_weft_N_per_m", 0.25, end, "+") == "tension +1 N/m weft"

@@ -101,6 +101,7 @@ auto find = [&](auto kind) {
     SHARED real nbx[SPAN], nby[SPAN], nbz[SPAN], shared[SPAN], mx[SPAN], my[SPAN];
     Own turn_x, turn_y, turned, softer, elastic_x, elastic_y, back_x, back_y;
     const real back = yields ? hardening / (1 - hardening) : real(0.0), softness = 1 / bending_stiffness;
+    const auto yield_turn = [&](int k) { return spread[k] > 0 ? yield / (spread[k] > 0 ? spread[k] : real(1.0)) : real(0.0); };
     if (lane == 0) mx[0] = my[0] = mx[whole] = my[whole] = 0;
     {
         VECTORISED
@@ -140,7 +141,7 @@ auto find = [&](auto kind) {
             const real trial_x = angle_x - own_x[k] - flow_x[k], trial_y = angle_y - own_y[k] - flow_y[k];
             const real beyond_x = trial_x - back * flow_x[k], beyond_y = trial_y - back * flow_y[k];
             const real reach = sqrt(beyond_x * beyond_x + beyond_y * beyond_y);
-            const real most = spread[k] > 0 ? yield / (spread[k] > 0 ? spread[k] : real(1.0)) : real(0.0);
+            const real most = yield_turn(k);
             const bool over_most = yields && reach > most;
             const real inverse = over_most ? 1 / (reach > most ? reach : real(1.0)) : real(0.0);
             const real off = over_most ? not_kept * (1 - most * inverse) : real(0.0);
@@ -209,7 +210,7 @@ auto find = [&](auto kind) {
             if (yields) { // where this leads beyond the yield surface, the wire gives way
                 const real out_x = elastic_x[k] + by_x - back_x[k], out_y = elastic_y[k] + by_y - back_y[k];
                 const real reach = sqrt(out_x * out_x + out_y * out_y);
-                const real most = spread[k] > 0 ? yield / (spread[k] > 0 ? spread[k] : real(1.0)) : real(0.0);
+                const real most = yield_turn(k);
                 const bool over_most = reach > most;
                 const real gives = over_most ? not_kept * (1 - most / (over_most ? reach : real(1.0))) : real(0.0);
                 moment_x -= gives * (s11[k] * out_x + s12[k] * out_y);

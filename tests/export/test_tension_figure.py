@@ -154,3 +154,32 @@ def test_compression_in_a_run_is_shaded(tmp_path, monkeypatch) -> None:
         curves_figure.curves_figure(columns_of(rows), tmp_path / "curves.png")
     patches = [[patch.get_label() for patch in figure.axes[1].patches] for figure in drawn]
     assert patches == [[curve_axes.COMPRESSED], []]
+
+
+@pytest.mark.parametrize(
+    ("least", "most", "labels"),
+    [
+        (0.035, 0.25, ["0.05", "0.1", "0.2"]),
+        (20.0, 30.0, ["15", "20", "25", "30", "35", "40", "45"]),  # less than a decade
+        (1e-3, 1.0, ["0.001", "0.002", "0.005", "0.01", "0.02", "0.05", "0.1", "0.2", "0.5", "1"]),
+    ],
+)
+def test_labels_of_resistance_are_apart_and_differ(least: float, most: float, labels: list[str], tmp_path, monkeypatch) -> None:
+    shown = []
+
+    def drawn(figure, path):
+        figure.canvas.draw()
+        axes = figure.axes[0]
+        texts = [(one, one.get_window_extent()) for one in axes.get_yticklabels(which="both") if one.get_text()]
+        inside = [(one.get_text(), box) for one, box in texts if axes.bbox.y0 <= 0.5 * (box.y0 + box.y1) <= axes.bbox.y1]
+        shown.extend(sorted(inside, key=lambda one: one[1].y0))
+        return path
+
+    monkeypatch.setattr(design_figures, "save_figure", drawn)
+    found = np.geomspace(least, most, 3)
+    curve = {f"sheet_resistance_{side}_ohm": found for side in ("weft", "warp")} | dict.fromkeys(
+        ("strain_weft", "strain_warp", "active_percent", "jump"), np.arange(3.0)
+    )
+    design_figures.resistance_figure(curve, tmp_path / "resistance.png")
+    assert [text for text, _ in shown] == labels
+    assert all(below.y1 <= above.y0 for (_, below), (_, above) in itertools.pairwise(shown))

@@ -24,7 +24,7 @@ from .host import fetch, is_in_place, store
 
 Kept = dict[str, np.ndarray]
 ARRAYS, VALUES, COLLECTIONS = (wp.array, np.ndarray), (bool, int, float, str, np.generic), (list, tuple, dict)
-TYPE = "/type"  # ending of the name under which the type of a collection is saved, with its length or keys; and that of None
+TYPE = "/type"  # ending of the name under which the type of a collection is saved, with its length or keys; also of None
 
 
 class Owner(NamedTuple):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
 from scipy.constants import speed_of_light
 
 from warpknit.export.curve_axes import draw_line, draw_range, mark_handles, shade_compression
@@ -212,12 +212,12 @@ def resistance_figure(curve: Columns, path: Path) -> Path:
         least, most = np.log10(known.min()), np.log10(known.max())
         half = max(0.55 * (most - least), 0.5 * LEAST_DECADES)
         axes.set_ylim(10.0 ** (0.5 * (least + most) - half), 10.0 ** (0.5 * (least + most) + half))
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.yaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
-        axes.yaxis.set_minor_formatter("{x:.1g}")
+        axes.yaxis.set_minor_locator(NullLocator())
     axes.set_xlabel(axis)
     axes.set_ylabel("sheet resistance [ohm/sq]")
-    axes.grid(color="#DDDDDD", linewidth=0.6, which="both")
+    axes.grid(color="#DDDDDD", linewidth=0.6)
     share = axes.twinx()
     look = {"color": GREEN, "linestyle": "-."}
     draw_line(share, strain, curve["active_percent"], curve["jump"] > 0.0, label="active contacts (right)", **look)

@@ -45,8 +45,8 @@ def find_response(
 ) -> Response:
     """Response of endless cloth at a load. By finite differences of equilibria of one repeat, the model `cell`.
 
-    present: the equilibrium at `gradient` (2, 2) and `temperature` [K]. cell_at: finds another one. device: of the mesh that responds;
-    the repeat may have another.
+    present: the equilibrium at `gradient` (2, 2) and `temperature` [K]. cell_at: finds another one. device: of the mesh that
+    responds; the repeat may have another.
 
     Raises `Diverged` where the repeat does not converge.
     """

@@ -148,13 +148,13 @@ class Sensitivity:
         if friction := [values[name] for name in FRICTIONS if name in values]:
             parts["friction"] = np.sqrt(np.mean(np.square(friction), axis=0))
         weft, warp, active, stress = np.sqrt(sum(part**2 for part in parts.values())).tolist()
-        tension = max(weft, warp)
         strains = [error for error, name in zip((weft, warp), seen.names, strict=False) if name.startswith("strain")]
+        tensions = [error for error, name in zip((weft, warp), seen.names, strict=False) if name.startswith("tension")]
         largest = {name: float(part.max()) for name, part in parts.items()}
         return Estimate(
-            max(tension, active, stress), 100.0 * active, tension, stress=stress, standard_error=largest["standard_error"],
-            nodes=largest.get("nodes"), friction=largest.get("friction"), warning=self._lacking(changes),
-            strain=max(strains, default=None), changes=Values(**changes),
+            max(weft, warp, active, stress), 100.0 * active, max(tensions or strains), stress=stress,
+            standard_error=largest["standard_error"], nodes=largest.get("nodes"), friction=largest.get("friction"),
+            warning=self._lacking(changes), strain=max(strains, default=None), changes=Values(**changes),
         )  # fmt: skip
 
     def _lacking(self, changes: Mapping[str, Values]) -> ResultWarning | None:

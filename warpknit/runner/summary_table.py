@@ -59,7 +59,7 @@ def summary_findings(result: Summary) -> Iterator[Finding]:
     if variants is not None:
         yield from _variants_findings(variants, end)
     if result.estimate.error is not None:
-        yield _error_finding(result.estimate, end)
+        yield _error_finding(result.estimate, end, all(result.scene.by_tension))
     elif model.get("one_of_many"):
         yield Finding("estimated error", "unknown for one mesh; leave out variants.count for a mean and its error", short=True)
     if result.spatial_model is not None:
@@ -106,9 +106,13 @@ def _spatial_finding(other: Row) -> Finding:
     return Finding("in the spatial model", text, short=True)
 
 
-def _error_finding(estimate: Estimate, end: Row) -> Finding:
-    """The estimated error of each figure, of the strain where tension drives; and the largest part of it, of means."""
-    driver = {"tension_N_per_m": estimate.tension} if estimate.strain is None else {"strain": estimate.strain}
+def _error_finding(estimate: Estimate, end: Row, by_tension: bool) -> Finding:
+    """The estimated error of each figure, and the largest part of it, of means.
+
+    by_tension: whether both tensions are given, which then have no error.
+    """
+    force = None if by_tension else estimate.tension
+    driver = {"force_N" if end.is_hook else "tension_N_per_m": force, "strain": estimate.strain}
     errors = {**driver, "active_percent": estimate.active_percent, "stress_max_Pa": estimate.stress}
     text = ", ".join(_changed(name, error, end) for name, error in errors.items() if error is not None)
     parts = {"friction": estimate.friction, "nodes": estimate.nodes, "the number of meshes": estimate.standard_error}
@@ -121,6 +125,8 @@ def _changed(name: str, change: float, end: Row, sign: str = "") -> str:
     what, _, side = name.removesuffix("_N_per_m").partition("_")
     if name == "active_percent":
         return f"active {change:{sign}.2g} points"
+    if name == "force_N":
+        return f"force {_signed(change * abs(end.drive_force_N), 'N', sign)}"
     if name == "stress_max_Pa":
         return f"stress {_signed(change * end.stress_max_Pa, 'Pa', sign)}"
     unit = "_N_per_m" if what == "tension" else ""

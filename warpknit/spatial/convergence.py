@@ -52,7 +52,7 @@ class Stability:
 
     def begin(self, world: int = 0) -> None:
         """Test the next equilibrium, and those that follow if it is left."""
-        self._tests[world], self.has_left[world] = MOST_TESTS, False
+        self._tests[world] = MOST_TESTS
         self._begin_test(world)
 
     def _begin_test(self, worlds: int | np.ndarray) -> None:

@@ -22,6 +22,7 @@ from ..results.finding import Finding, ResultTable, ResultWarning
 from ..results.row import Row, Values, read_rows, valued, write_rows
 from ..runner.best_tension import DRIFT
 from ..runner.estimates import FRICTIONS
+from ..runner.other_model import FIGURES
 from ..runner.run_directory import Tree
 from ..runner.summary_table import TIMED, heading, model_findings
 
@@ -33,7 +34,6 @@ SAME_SHARE = 0.01  # percentage points: tolerance for equal shares of active con
 
 TARGETS = tuple(f"target_tension_{side}_N_per_m" for side in SIDES)  # columns of a map by tension
 STRAINS = tuple(f"strain_{side}" for side in SIDES)
-SPREAD = (*STRAINS, *(f"tension_{side}_N_per_m" for side in SIDES), "active_percent", "stress_max_Pa")
 Pair = tuple[float, float]  # strains, or tensions [N/m], in weft and warp
 NAMES = {part: [line.name for line in table.MEASURES if line.map == part] for part in ("map", "details")}  # of measures
 
@@ -63,7 +63,7 @@ def columns_of(part: str, by_tension: bool = False) -> list[str]:
     targets = TARGETS if by_tension else ()
     if part == "map":
         return [*STRAINS, *NAMES["map"], "stop_reason", *targets]
-    spread = (f"std_{name}" for name in SPREAD)
+    spread = (f"std_{name}" for name in FIGURES)
     return [*STRAINS, *spread, *NAMES["details"], "dissipated_J", "variants", "steps", "message", *targets]
 
 
@@ -117,7 +117,7 @@ def _mean(rows: Sequence[MapRow]) -> MapRow:
     names = (*NAMES["map"], *NAMES["details"], "dissipated_J", *(STRAINS if rows[0].by_tension else ()))
     return rows[0].changed(
         **{name: over(name, np.mean) for name in names},
-        **{f"std_{name}": over(name, deviation) if len(steady) > 1 else None for name in SPREAD},
+        **{f"std_{name}": over(name, deviation) if len(steady) > 1 else None for name in FIGURES},
         stop_reason=reason,
         variants=len(steady),
         steps=sum(row.steps for row in rows),
@@ -290,7 +290,7 @@ def find_optimum(rows: Sequence[MapRow], yield_stress: float, jumps: Sequence[Ju
         if len(axis) > 1 and (value == axis[-1] or value == axis[0] != 0.0)
     ]
     return Optimum(
-        **{name: best[name] for name in SPREAD},
+        **{name: best[name] for name in FIGURES},
         stress_margin=1.0 - best.stress_max_Pa / yield_stress,
         at_edge=edges,
         load=best.load,

@@ -44,8 +44,7 @@ def tension_strain(meshes: Meshes, weft: float, warp: float, monitor: Monitor = 
                 rows.append(row_of(next(iter(records.values()))))
                 if k % levels == 0:
                     found[k // levels] = [record.observables for record in records.values()]
-        jumped = jumps_of(meshes.first, rows) if len(meshes.models) == 1 else []  # of means there are none
-        behind = {math.ceil(after.index / levels) for _, after in jumped}
+        behind = {math.ceil(after.index / levels) for _, after in meshes.jumps(jumps_of, rows)}
         for k, share in enumerate(np.linspace(0.0, 1.0, POINTS + 1).tolist()):
             strains = along_weft * weft * share, along_warp * warp * share
             points.append(_mean_point([_point(name, *strains, state, k in behind) for state in found.get(k, [None])]))

@@ -82,6 +82,6 @@ def heat(
                 rows += way.rows(stage, levels, part_of(ahead, count, len(temperatures)))
         except Diverged:
             ended = f"{stages[-1].name}: the mesh did not converge above {celsius(rows[-1].temperature_K)}"
-        jumps = jumps_of(meshes.first, rows) if len(meshes.own) == 1 else []  # of means there are none
+        jumps = meshes.jumps(jumps_of, rows)
         found.append(HeatedMesh(rows, heat_of(rows, stages, jumps), jumps, ended))
     return found, ""

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from ..solve.progress import Progress
 from ..solve.simulate import Simulation
 from ..solve.variant_models import VariantModels, side_by_side
 
+Found = TypeVar("Found")
 Mesh: TypeAlias = Any  # a model of either kind
 Monitor: TypeAlias = Callable[[float], None]  # is called with the share that is done
 FEWEST = 2  # meshes, of a mean
@@ -74,6 +75,10 @@ class Meshes:
     def fewest(self) -> int:
         """Number of these meshes that a mean needs."""
         return min(FEWEST, len(self.own))
+
+    def jumps(self, find: Callable[[Mesh, Sequence[Any]], list[Found]], rows: Sequence[Row]) -> list[Found]:
+        """The jumps that `find` finds in the rows of a single mesh; of means there are none."""
+        return find(self.first, rows) if len(self.own) == 1 else []
 
     def with_tolerance(self, tolerance: float) -> Meshes:
         """The meshes with a residual tolerance that is at most this."""

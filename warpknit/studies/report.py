@@ -133,7 +133,7 @@ def write_report(
     curves, path = kept = read_states(scene, out)
     if not curves:
         curves = tension_strain(meshes, weft, warp, monitor)
-    jumps = find_jumps(model, rows) if is_one else []  # of means there are none
+    jumps = meshes.jumps(find_jumps, rows)
     optimum = find_optimum(rows, scene.wire.yield_stress, jumps)
     monitor = begin("equal tensions")
     if not path.rows and (largest > 0.0 or tension is not None):
@@ -142,7 +142,7 @@ def write_report(
         write_states(scene, out, curves, path)
     if tension is not None:
         path = equal_tension.with_state_at(meshes, path, tension, part_of(monitor, 1, 2))
-    path_jumps = jumps_under_tension(meshes.first, path.rows) if is_one else []
+    path_jumps = meshes.jumps(jumps_under_tension, path.rows)
     answers = None if len(path.rows) < 2 else answers_of(meshes.first, path.rows, path_jumps)
     monitor = begin("material card")
     mean, where, loading = _card(scene, meshes, rows, optimum, path, path_jumps, tension, monitor)
