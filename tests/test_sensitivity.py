@@ -270,9 +270,9 @@ def test_changed_meshes_beside_a_run_have_the_rows_of_those_after_it():
     with beside(scene, "cpu", [0, 1]) as other:
         if other is None:
             pytest.skip("a single core")
-        assert other.rows([0, 2], lambda _: None) is None
-        assert other.rows([0, 1], lambda _: None) == expected
-        assert other.rows([0, 1], lambda _: None) is None  # the process has ended
+        assert other([0, 2], lambda _: None) is None
+        assert other([0, 1], lambda _: None) == expected
+        assert other([0, 1], lambda _: None) is None  # the process has ended
 
 
 def test_an_interrupted_estimate_goes_on_with_the_meshes_in_the_files_of_the_run(tmp_path, monkeypatch):
@@ -297,7 +297,7 @@ def test_errors_are_shown_in_the_units_of_their_figures():
     assert _error_finding(Estimate(0.05, tension=0.05), end, by_tension=False).value == "tension 200 mN/m"
     mixed = Estimate(0.05, tension=0.05, strain=0.01)
     assert _error_finding(mixed, end, by_tension=False).value == "tension 200 mN/m, strain 0.1 points"
-    hook = Row(is_hook=True, drive_force_N=-2e-3, stress_max_Pa=1e8)
+    hook = Row(displacement_m=1e-3, drive_force_N=-2e-3, stress_max_Pa=1e8)
     assert _error_finding(Estimate(0.05, tension=0.05), hook, by_tension=False).value == "force 100 uN"
     assert _changed("strain_warp", -0.2, end, "+") == "strain -2 points warp"
     assert _changed("tension_weft_N_per_m", 0.25, end, "+") == "tension +1 N/m weft"

@@ -396,6 +396,7 @@ def map_findings(result: MapSummary) -> Iterator[Finding]:
         yield from friction_findings(result)
         for drift in optimum.drift:
             yield Finding(f"  {drift_name(drift)}", drift_text(drift), short=drift.along == "both")
+    yield Finding("loads", result.path)
     if "spatial_model" in result:
         yield _spatial_finding(result.spatial_model, by_tension=result.loads == "tensions")
     steps = f"{solver.cell_steps:,} steps"
