@@ -3,14 +3,17 @@
 M couples a node with the next and the next but one of its wire, each component by itself. The spin inertia couples a segment
 with the next. All four, x, y, z and spin, are factored as L D L^T along each wire, the four entries of a node side by side.
 Around a closed wire the last two nodes couple with the first ones: their rows of L are full, all other rows have two entries.
-rod_motion.py solves with the factors. Held nodes and sections have no couplings, and a zero instead of 1/D, so that they have no
-acceleration. Olovsson, Simonsson and Unosson, "Selective mass scaling for explicit finite element analyses", Int. J. Numer.
-Methods Eng. 63 (2005).
+rod_motion.py solves with the factors. Held nodes and sections, and nodes at rest (rod_blocks.py), have no couplings, and a zero
+instead of 1/D, so that they have no acceleration.
+Olovsson, Simonsson and Unosson, "Selective mass scaling for explicit finite element analyses", Int. J. Numer. Methods Eng. 63
+(2005).
 """
 
 from typing import Any
 
 import warp as wp
+
+from .rod_blocks import rests
 
 HELD_NODE = wp.constant(1)  # the node is fixed
 HELD_TURN = wp.constant(2)  # the section of the segment behind the node does not rotate about it
@@ -99,6 +102,8 @@ def factor_masses(
     parts: int,
     following: wp.array(dtype=wp.int32),
     held: wp.array(dtype=wp.int32),
+    node_block: wp.array(dtype=wp.int32),
+    block_rest: wp.array(dtype=wp.int32),
     # in: diagonals of the masses and of the spin inertias; couplings that do not exist are zero
     node_mass: wp.array(dtype=wp.vec3d),
     next_mass: wp.array(dtype=wp.float64),
@@ -133,16 +138,19 @@ def factor_masses(
         i = first + j
         lower = wp.vec4d()
         lower_second = wp.vec4d()
-        if j >= start + 2:
+        own = rests(i, node_block, block_rest)
+        if j >= start + 2 and not own and not rests(i - 2, node_block, block_rest):
             lower_second = wp.cw_div(beside(second_mass[i - 2], zero), d2)
-        if j >= start + 1:
+        if j >= start + 1 and not own and not rests(i - 1, node_block, block_rest):
             lower = wp.cw_div(
                 beside(next_mass[i - 1], next_inertia[i - 1]) - wp.cw_mul(wp.cw_mul(lower_second, d2), lower_before), d1
             )
         d = diagonal(i, node_mass, spin_inertia)
         d = d - wp.cw_mul(lower, wp.cw_mul(lower, d1)) - wp.cw_mul(lower_second, wp.cw_mul(lower_second, d2))
         if j >= begin:
-            mass_factor[i, PIVOT] = mass_factor.dtype(inverse_pivot(i, d, following, held))
+            mass_factor[i, PIVOT] = mass_factor.dtype()
+            if not own:
+                mass_factor[i, PIVOT] = mass_factor.dtype(inverse_pivot(i, d, following, held))
             mass_factor[i, NEXT] = mass_factor.dtype(lower)
             mass_factor[i, SECOND] = mass_factor.dtype(lower_second)
             sweep[i] = sweep.dtype(d)

@@ -18,6 +18,7 @@ import warp as wp
 
 from .control import LEVER, MEAN_PUSH, STATUS, STATUS_WAITING, WEIGHT_SQUARE
 from .native_text import native_text
+from .rod_blocks import rests
 from .wire_closest import NOT_NEAR, ONE_PLACE, PLACES
 
 # columns of the sums
@@ -144,6 +145,8 @@ def bound_contact_stiffness(
 def renew_contact_offsets(
     # in: wires
     first_node: int,
+    node_block: wp.array(dtype=wp.int32),
+    block_rest: wp.array(dtype=wp.int32),
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
     # in: contacts with a force
@@ -168,10 +171,10 @@ def renew_contact_offsets(
     contact_penalty: wp.array(dtype=wp.float64),
     contact_offset: wp.array(dtype=wp.float64),
 ):
-    """A thread a node."""
+    """A thread a node; those at rest keep theirs."""
     i = first_node + wp.tid()
     own = control[i / world_nodes]
-    if own[STATUS] == STATUS_WAITING:
+    if own[STATUS] == STATUS_WAITING or rests(i, node_block, block_rest):
         return
     renew_contact_at(
         i, previous, following, touch_first_start, touch_second_start, touch_of_second, touch_pair,

@@ -19,6 +19,7 @@ from . import bend
 from .banded_mass import HELD_NODE, HELD_TURN
 from .control import LENGTH_FACTOR, MULTIPLIER_RATE, STATUS, STATUS_WAITING
 from .native_text import native_text
+from .rod_blocks import rests
 
 # columns of the sums of a state
 UNBALANCED_SQUARE = wp.constant(0)  # [N2] of free nodes, summed
@@ -154,6 +155,8 @@ def renew_tension_offsets(
     # in: rest data
     first_node: int,
     node_wire: wp.array(dtype=wp.int32),
+    node_block: wp.array(dtype=wp.int32),
+    block_rest: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
     held: wp.array(dtype=wp.int32),
     natural_length: wp.array(dtype=wp.float64),
@@ -174,10 +177,10 @@ def renew_tension_offsets(
     stretch_stiffness: wp.array(dtype=wp.float64),
     tension_offset: wp.array(dtype=wp.float64),
 ):
-    """A thread a node. A segment between two held nodes has no offset."""
+    """A thread a node. A segment between two held nodes has no offset; offsets at rest stay."""
     i = first_node + wp.tid()
     own = control[i / world_nodes]
-    if own[STATUS] == STATUS_WAITING:
+    if own[STATUS] == STATUS_WAITING or rests(i, node_block, block_rest):
         return
     stiffness = stretch_stiffness[i]
     axial_stiffness = wire_axial[node_wire[i]]

@@ -59,8 +59,9 @@ from typing import Any
 import warp as wp
 
 from . import rod_blocks
-from .control import is_halted
+from .control import STATUS, STATUS_RUNNING, is_halted
 from .native_text import native_text
+from .rod_blocks import MOVES
 
 
 @wp.func_native(native_text("rod_forces", vars(rod_blocks)))
@@ -130,6 +131,7 @@ def find_rod_forces(
     rest_row: wp.array(dtype=wp.int32),
     first_block: int,
     threads_a_block: int,
+    block_rest: wp.array(dtype=wp.int32),
     # in: rest data
     natural_length: wp.array(dtype=wp.float64),
     node_length: wp.array(dtype=wp.float64),
@@ -176,7 +178,7 @@ def find_rod_forces(
     thread = wp.tid()
     block = first_block + thread / threads_a_block
     own = control[block_first[block] / world_nodes]
-    if not is_halted(own):
+    if not is_halted(own) and not (own[STATUS] == STATUS_RUNNING and block_rest[block] != MOVES):
         forces_of_block(
             block,
             thread % threads_a_block,

@@ -17,8 +17,9 @@ from typing import Any
 import warp as wp
 
 from . import rod_blocks
-from .control import FRAMES_AHEAD, GRADIENT, is_at_rest, is_halted
+from .control import FRAMES_AHEAD, GRADIENT, STATUS, STATUS_RUNNING, is_at_rest, is_halted
 from .native_text import native_text
+from .rod_blocks import RESTS
 
 # when the frames are computed: always; before a step, unless the step before has done so; behind a step, for the next one, where
 # nothing else moves nodes until then
@@ -78,6 +79,7 @@ def update_frames(
     first_block: int,
     threads_a_block: int,
     when: int,
+    block_rest: wp.array(dtype=wp.int32),
     rest_position: wp.array(dtype=wp.vec3d),
     rest_edge: wp.array(dtype=wp.vec3d),
     # in: what steers the step
@@ -99,7 +101,7 @@ def update_frames(
     own = control[block_first[block] / world_nodes]
     if (when == UNLESS_AHEAD and own[FRAMES_AHEAD] != wp.float64(0.0)) or (when == AHEAD and not is_at_rest(own)):
         return
-    if not is_halted(own):
+    if not is_halted(own) and not (own[STATUS] == STATUS_RUNNING and block_rest[block] == RESTS):
         frames_of_block(
             block,
             thread % threads_a_block,

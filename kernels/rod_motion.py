@@ -27,6 +27,7 @@ def move_wire(
     wire_closed: wp.array(dtype=wp.int32),
     wire_border: wp.array(dtype=wp.int32),
     node_block: wp.array(dtype=wp.int32),
+    block_rest: wp.array(dtype=wp.int32),
     # in: masses and their factors
     mass_factor: wp.array2d(dtype=Any),
     mass_border: wp.array2d(dtype=Any),
@@ -61,6 +62,7 @@ def move_rods(
     wire_closed: wp.array(dtype=wp.int32),
     wire_border: wp.array(dtype=wp.int32),
     node_block: wp.array(dtype=wp.int32),
+    block_rest: wp.array(dtype=wp.int32),
     first_wire: int,
     threads_a_block: int,
     # in: masses and their factors
@@ -104,6 +106,7 @@ def move_rods(
         wire_closed,
         wire_border,
         node_block,
+        block_rest,
         mass_factor,
         mass_border,
         wire_quiet,

@@ -12,7 +12,7 @@ from typing import Any
 
 import warp as wp
 
-from . import wire_closest, wire_curve, wire_minima, wire_pairs, wire_weights
+from . import rod_blocks, wire_closest, wire_curve, wire_minima, wire_pairs, wire_weights
 from .control import is_halted
 from .native_text import native_text
 from .wire_curve import Bump
@@ -22,7 +22,7 @@ CPU_LANES = 4  # numbers of a vector of a CPU; with eight they do not fit the re
 QUAD = 4  # threads of a pair on a GPU
 QUADS_A_BLOCK = 32  # of a CUDA block
 
-_MODULES = (wire_closest, wire_curve, wire_minima, wire_pairs, wire_weights)
+_MODULES = (rod_blocks, wire_closest, wire_curve, wire_minima, wire_pairs, wire_weights)
 
 
 @wp.func_native(native_text("follow_contacts", globals(), *map(vars, _MODULES)))
@@ -52,6 +52,7 @@ def follow_contacts(
     contact_penalty: wp.array(dtype=wp.float64),
     contact_offset: wp.array(dtype=wp.float64),
     node_block: wp.array(dtype=wp.int32),
+    block_rest: wp.array(dtype=wp.int32),
     # in: what steers the step; [m] travel of blocks
     control: wp.array(dtype=wp.float64),
     block_travel: wp.array(dtype=wp.float64),
@@ -127,6 +128,7 @@ def find_followed_contacts(
     contact_penalty: wp.array(dtype=wp.float64),
     contact_offset: wp.array(dtype=wp.float64),
     node_block: wp.array(dtype=wp.int32),
+    block_rest: wp.array(dtype=wp.int32),
     # in: what steers the step; [m] travel of blocks
     world_nodes: int,
     control: wp.array2d(dtype=wp.float64),
@@ -212,6 +214,7 @@ def find_followed_contacts(
             contact_penalty,
             contact_offset,
             node_block,
+            block_rest,
             own,
             block_travel,
             min_arc_separation,

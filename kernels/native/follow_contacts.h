@@ -62,6 +62,18 @@ if (lane > 0) return;
     // halves of the elastic slips that this step reads and writes
     const int step_number = (int)steer[STEP], slips = slip_step.shape[1];
     const int this_half = step_number % 2 * slips, next_half = (step_number + 1) % 2 * slips;
+    const auto rests = [&](int i) { return block_rest.data[node_block.data[i]] == RESTS; };
+    // elastic slips of a pair whose wires rest, for the next step; both halves hold them after the first
+    const auto keep_slips = [&](int pair) {
+        for (int k = 2 * pair; k < 2 * pair + 2; ++k) {
+            if (slip_step.data[this_half + k] != step_number) continue;
+            if (slip_step.data[next_half + k] != step_number - 1) {
+                slip_place.data[next_half + k] = slip_place.data[this_half + k];
+                elastic_slip.data[next_half + k] = elastic_slip.data[this_half + k];
+            }
+            slip_step.data[next_half + k] = step_number + 1;
+        }
+    };
     // pairs with one place, and those with two and the saddle between them; the places of a single pair do not matter
     enum { KINDS = LANES > 1 ? 2 : 1 };
 #ifdef __CUDA_ARCH__
@@ -89,13 +101,18 @@ if (lane > 0) return;
         if (next < end) {
             const int touch = touch_awake.data[next];
             next += stride;
+            const int pair = touch_pair.data[touch], found = pair_found.data[pair];
+            const int sides[2] = {pair_first.data[pair], pair_second.data[pair]};
 #ifndef __CUDA_ARCH__
+            if (is_running && rests(sides[0]) && rests(sides[1])) {
+                touch_followed.data[touch] = FOLLOWED_FORCE;
+                if (rubs) keep_slips(pair);
+                continue;
+            }
             {
 #include "prefetch_pairs.h"
             }
 #endif
-            const int pair = touch_pair.data[touch], found = pair_found.data[pair];
-            const int sides[2] = {pair_first.data[pair], pair_second.data[pair]};
             double ends[2][2], radii = 0, reach = 0;
             for (int side = 0; side < 2; ++side) {
                 const int i = sides[side];

@@ -104,14 +104,21 @@ const auto along = [&](bool is_back, const auto& read, const auto& use, const au
     }
 };
 #else
+const int* __restrict rests = block_rest.data + node_block.data[first]; // of the blocks of the wire
 const auto along = [&](bool is_back, const auto& read, const auto& use, const auto&) {
     Pair z = {};
-    for (int k = 0; k < inside; ++k) {
-        const int j = is_back ? inside - 1 - k : k;
-        Row row;
-        read(j, row);
-        go_on(row, z, false);
-        use(j, z.near);
+    for (int from = 0; from < inside;) {
+        const int block = (is_back ? inside - 1 - from : from) / ROD_BLOCK, behind = ROD_BLOCK * (block + 1);
+        const int to = is_back ? inside - ROD_BLOCK * block : (behind < inside ? behind : inside);
+        if (rests[block] != MOVES) z = {};
+        for (int k = from; k < to && rests[block] == MOVES; ++k) {
+            const int j = is_back ? inside - 1 - k : k;
+            Row row;
+            read(j, row);
+            go_on(row, z, false);
+            use(j, z.near);
+        }
+        from = to;
     }
 };
 #endif
@@ -163,8 +170,7 @@ const double* __restrict mass = (const double*)(node_mass.data + first);
 const double* __restrict inertia = spin_inertia.data + first;
 double kinetic = 0, fastest = 0, strongest = 0, square = 0;
 #ifndef __CUDA_ARCH__
-// nodes come from the last to the first: the largest square of the speeds in the block `here`, whose first node is `begins`
-int here = (count - 1) / ROD_BLOCK, begins = here * ROD_BLOCK;
+// nodes come from the last to the first: the largest square of the speeds in a block, up to its first node
 const bool by_block = block_travel.shape[0] > 1; // else travel is that of the fastest node
 real fastest_here = 0;
 double* __restrict speeds = block_speed.data + node_block.data[first];
@@ -217,11 +223,9 @@ const auto move = [&](int j, const Node& now, const real* acceleration) {
 #endif
 #ifndef __CUDA_ARCH__
     fastest_here = q2 > fastest_here ? q2 : fastest_here;
-    if (j == begins && by_block) {
-        speeds[here] = fastest_here;
+    if (by_block && j % ROD_BLOCK == 0) {
+        speeds[j / ROD_BLOCK] = fastest_here;
         fastest_here = 0;
-        here -= 1;
-        begins -= ROD_BLOCK;
     }
 #endif
     kinetic += e;

@@ -42,7 +42,6 @@ class Record:
     steady: bool
     work: float  # [J] done by the boundary since the start (ramp; a relaxation leaves it 0)
     dissipated: float  # [J] since the start, by damping of a ramp, friction and yield; else 0
-    membrane_residual: float  # out-of-balance membrane stress over the tension; 0 where converged
     edge_work: float  # [J] work of pulls at the edge, cords and uneven thermal strain
     stations: np.ndarray  # (station, 2 or 3) [m] displacement of the rim (rim.py); empty where it follows the load
     observables: Observables
@@ -181,7 +180,6 @@ MEASURES: tuple[Measure, ...] = (
     Measure("dissipated_J", "dissipated", history=True),
     # quality
     Measure("residual", m.residual, history=True, summary="quality", map="details"),
-    Measure("membrane_left_out", "membrane_residual", summary="quality"),
     *(
         Measure(name, None, summary="quality")
         for name in ("kinetic_to_internal", "energy_balance", "energy_balance_of_stored", "penetration_max")

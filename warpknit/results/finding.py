@@ -20,7 +20,6 @@ KINDS = {  # rank and advice by code; docs/reference/warnings.md says what each 
     "W05": (LIMITED, LARGER),
     "W06": (INVALID, "Choose strains or tensions that pull in both directions."),
     "W07": (INVALID, "Choose strains or tensions that pull in both directions."),
-    "W08": (LIMITED, "Load the mesh further, so that it is taut everywhere."),
     "W09": (LIMITED, LARGER),
     "W10": (LIMITED, "Use a smaller panel, or a longer panel.focal_length."),
     "W11": (INVALID, 'Compare with model.kind = "spatial".'),

@@ -119,9 +119,6 @@ def _compressed(model: MeshModel, rows: Sequence[Row]) -> Iterator[ResultWarning
 
 
 def _about_stages(stages: Sequence[Row]) -> Iterator[ResultWarning]:
-    if (left := max((end.membrane_left_out for end in stages), default=0.0)) > 0.0:
-        text = f"stress may be out of balance by {percent(left)} of the tension."
-        yield ResultWarning("W08", f"The equilibrium as a membrane did not converge; {text}")
     surfaces = [(end.get("panel") or {}).get("surface", {}) for end in stages]
     steep = max((surface.get("slope_max", 0.0) for surface in surfaces), default=0.0)
     if steep > STEEP:

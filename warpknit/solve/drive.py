@@ -27,14 +27,13 @@ class Drive(ABC):
     """Runs the stages of a scene. `monitor` is called after every convergence check and may raise to stop."""
 
     rate_key: str  # the scene key to raise for slower loading
-    KEPT: tuple[str, ...] = ("membrane_residual", "edge_work")
+    KEPT: tuple[str, ...] = ("edge_work",)
 
     def __init__(self, mechanics: Mechanics, progress: Progress, monitor: Callable[[Progress], None]) -> None:
         self.mechanics, self.progress, self.monitor = mechanics, progress, monitor
         self.model: Any = mechanics.model
         self.state: Any = mechanics.state
         self.scene = self.model.scene
-        self.membrane_residual = 0.0  # largest membrane stress out of balance, over the tension, of abandoned corrections
         uneven = any(any(stage.temperature_gradient) for stage in self.scene.stages)
         self.edge_work = EdgeWork() if uneven or self.scene.has_moving_edge else None
 
@@ -152,7 +151,6 @@ class Drive(ABC):
             steady=steady,
             work=work,
             dissipated=self.dissipated,
-            membrane_residual=self.membrane_residual,
             edge_work=edge_work,
             stations=self.stations.copy(),
             observables=observables,

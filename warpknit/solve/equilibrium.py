@@ -158,6 +158,8 @@ class Equilibrium:
             self.relaxations[row].progress.residual = residual
         if len(self.group.members) == 1 and not loading[0]:
             ratio = np.array([self.relaxations[0].corrected(float(ratio[0]))])
+        if (met := rows[ratio < 1.0]).size:
+            self.group.move_all(met)
         asked = np.array([self.relaxations[row].progress.to_ratio for row in rows])
         at_limit = np.asarray(self.group.strains.at_limit(rows).any(axis=1))
         asked[at_limit] = ON_THE_WAY

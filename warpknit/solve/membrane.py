@@ -28,9 +28,8 @@ from ..mechanics.response import Response
 from ..mesh.rim import REPEATS_A_CELL, Rim, build_rim
 
 MAX_CELLS = 96  # cells of the grid in one direction
-CORRECTION_CHECKS = 2  # convergence checks between corrections, at least; a multiple after some that failed
-CORRECTION_GAIN = 0.7  # a correction has failed if the imbalance exceeds this share of the smallest so far
-MAX_FAILED_CORRECTIONS = 8  # before corrections are abandoned for the level
+BALANCE_CHECKS = 2  # convergence checks between two looks at the balance, at least
+CORRECTION_STEPS = 150  # steps between corrections, which disturb loops, at least
 # short waves have decayed where the residual over its tolerance is below the first, or its share left by a check above the second
 SETTLED, SLOW_DECAY = 1.5, 0.8
 LIFT_TOLERANCE = 0.01  # of the height of the edge above the apex: error of the height of the mesh
@@ -109,7 +108,9 @@ class Aitken:
         last, self._last, share = self._last, correction, 1.0
         if len(last) == len(correction):
             change = correction - last
-            share = float(np.clip(-self.factor * float(last @ change) / max(float(change @ change), 1e-300), *self._factors))
+            share = -self.factor * float(last @ change) / max(float(change @ change), 1e-300)
+            # an error that has grown in the direction of the last correction was not caused by it
+            share = float(np.clip(share, *self._factors)) if share > 0.0 else 1.0
         self.factor = max_factor * share
         return self.factor
 
@@ -310,7 +311,7 @@ class Membrane:
 class Lift:
     """The error of the height of a mesh over its tolerance, and its correction."""
 
-    KEPT = ("imbalance", "_least_imbalance", "_failed", "_next_check", "_residual", "_aitken")
+    KEPT = ("imbalance", "_next_look", "_next_correction", "_residual", "_aitken")
 
     def __init__(self, mechanics: Mechanics, rim: Rim) -> None:
         self.mechanics = mechanics
@@ -326,25 +327,22 @@ class Lift:
 
     def begin(self) -> None:
         """Begin a load level."""
-        self.imbalance = self._least_imbalance = self._residual = math.inf
-        self._next_check, self._failed = CORRECTION_CHECKS, 0
+        self.imbalance = self._residual = math.inf
+        self._next_look, self._next_correction = BALANCE_CHECKS, 0
         self._aitken.begin()
 
     def correct(self, check: int, residual: float) -> float:
         """Error of the height over its tolerance, after a correction if one is due; by the number and the residual of a check."""
         residual /= self._tolerance
-        is_due = check >= self._next_check and is_settled(residual, self._residual)
+        is_due = check >= self._next_look and is_settled(residual, self._residual)
         self._residual = residual
-        if is_due and self._failed <= MAX_FAILED_CORRECTIONS:
-            self._next_check = check + CORRECTION_CHECKS
-            self._correct()
-        return self.imbalance if self._failed <= MAX_FAILED_CORRECTIONS else 0.0
+        if is_due:
+            self._next_look = check + BALANCE_CHECKS
+            self._correct(check)
+        return self.imbalance
 
-    def _correct(self) -> None:
-        """Measure the error of the height, and lift the mesh by it.
-
-        The mesh stays where the error is small, or where many corrections have not reduced it.
-        """
+    def _correct(self, check: int) -> None:
+        """Measure the error of the height, and lift the mesh by it where due."""
         mechanics, membrane = self.mechanics, self.membrane
         membrane.imbalance()
         edge = EdgeState(mechanics.state.gradient, mechanics.stations, mechanics.clamp_forces())
@@ -355,14 +353,9 @@ class Lift:
         tolerance = max(LIFT_TOLERANCE * float(np.abs(mechanics.stations[:, 2]).max()), self._least)
         height = max(1.0, self._aitken.factor) * float(np.abs(lift.grid).max()) / tolerance
         self.imbalance = height
-        if height <= 1.0:
+        if height <= 1.0 or check < self._next_correction:
             return
-        self._failed += 1
-        if height < CORRECTION_GAIN * self._least_imbalance:
-            self._least_imbalance, self._failed = height, 0
-        if self._failed > MAX_FAILED_CORRECTIONS:
-            mechanics.notes.append(f"the height of the mesh has an error of {100.0 * LIFT_TOLERANCE * height:.2g} %")
-            return
+        self._next_correction = check + CORRECTION_STEPS // mechanics.check_steps
         lift = lift.scaled(self._aitken.next_factor(lift.vector, lift.max_factor))
         membrane.grid.spread_across(lift.grid[:, 0])
         mechanics.move_stations(lift.in_space)

@@ -21,9 +21,8 @@ from ..mechanics.response import find_response, zero_response
 from ..mesh.rim import PATH_STRAIN, LoadPoint, Rim, build_rim
 from ..scene import Stage
 from .membrane import (
-    CORRECTION_CHECKS,
-    CORRECTION_GAIN,
-    MAX_FAILED_CORRECTIONS,
+    BALANCE_CHECKS,
+    CORRECTION_STEPS,
     Aitken,
     Correction,
     EdgeState,
@@ -37,7 +36,6 @@ from .stage_load import strained
 MOVE_STEPS = 200  # steps between increments of an edge displacement
 MIN_IMBALANCE = 0.3  # over the tolerance, corrected while the mesh is not converged: it would decay slowly
 MAX_PARTS, PART_STEPS = 6, 10  # of a correction that is too large to be applied at once, and time steps between them
-MAX_SMALL_FAILURES = 4  # the same while the imbalance is within its tolerance
 EDGE_TOLERANCE = 0.01  # of the sag of a cord: error of the places of its stations
 STIFFER, MOST_STIFFER = 4.0, 16.0  # factor of contacts where a start from a smaller mesh overlaps wires too deeply, and the most
 MEMBRANE_TOLERANCE = 0.02  # rms stress out of balance over the tension
@@ -290,20 +288,16 @@ class MultilevelRelaxation(Relaxation):
     def _begin_solving(self, to_ratio: float) -> None:
         super()._begin_solving(to_ratio)
         progress = self.progress
-        progress.least_imbalance, progress.failed_corrections = UNKNOWN, 0
-        # a mesh that cannot take what the cloth answers to a strain is not moved as cloth either, nor one that is unlike it
+        # what was before counts: only a mesh that is like its repeat is moved by other than its load
         has_history = self.scene.depends_on_path or self.scene.knit.scatter > 0.0
         is_unlike = has_history and self.mechanics.rim is not None and not (self.smaller and progress.is_prolonged)
         progress.is_uncorrected = is_unlike or not (progress.is_prolonged or self._keeps_own)
-        progress.imbalance = self._unknown_imbalance if progress.is_uncorrected else UNKNOWN
-        progress.ratio, progress.next_balance, progress.next_correction = UNKNOWN, CORRECTION_CHECKS, 0
+        progress.ratio, progress.imbalance = UNKNOWN, UNKNOWN
+        if progress.is_uncorrected and not (self.membrane and self.membrane.rim.is_free):
+            progress.imbalance = 0.0
+        progress.next_balance, progress.next_correction = BALANCE_CHECKS, 0
         self._correction.begin()
         self._lift.begin()
-
-    @property
-    def _unknown_imbalance(self) -> float:
-        """Imbalance of an uncorrected mesh; it matters only for a free edge."""
-        return UNKNOWN if self.membrane is not None and self.membrane.rim.is_free else 0.0
 
     def corrected(self, ratio: float) -> float:
         progress, membrane, ratio = self.progress, self.membrane, super().corrected(ratio)
@@ -313,7 +307,7 @@ class MultilevelRelaxation(Relaxation):
         is_due = progress.checks >= progress.next_balance and is_settled(residual, progress.ratio)
         progress.ratio = residual
         if is_due and (membrane.rim.is_free or not progress.is_uncorrected):
-            progress.next_balance = progress.checks + CORRECTION_CHECKS
+            progress.next_balance = progress.checks + BALANCE_CHECKS
             if self._correct_as_membrane(membrane, ratio):  # not converged at a check that has moved it
                 return max(ratio, progress.imbalance, progress.to_ratio)
         return max(ratio, progress.imbalance)
@@ -323,24 +317,28 @@ class MultilevelRelaxation(Relaxation):
 
         ratio: of its residual; above 1 the correction balances it to a smaller imbalance, and across the mesh too.
         """
-        progress, rim, before = self.progress, membrane.rim, self.progress.imbalance
-        least = 1.0 if ratio <= 1.0 else MIN_IMBALANCE
+        progress, rim = self.progress, membrane.rim
         pulled = self.mechanics.clamp_forces() if rim.is_free else np.zeros((0, 3))
         membrane.imbalance()
-        solve = membrane.solve_rim if progress.is_uncorrected else membrane.solve
         edge = EdgeState(self.state.gradient, self.stations, pulled)
+        solve = membrane.solve_rim if progress.is_uncorrected else membrane.solve
         correction, stress = solve(edge)
         scale = max(float(np.abs(self.mechanics.checked_stress).max()), self.equilibrium.convergence.least_tension)
         progress.imbalance = stress / (MEMBRANE_TOLERANCE * scale)
         if rim.is_free:
             progress.imbalance = max(progress.imbalance, membrane.edge_error(correction, edge) / EDGE_TOLERANCE)
-        is_small = progress.imbalance <= 1.0
-        is_in_vain = is_small and (correction.max_factor < 1.0 or progress.failed_corrections > MAX_SMALL_FAILURES)
-        # the mesh had time to balance itself, or its residual is met and it no longer does
-        is_due = progress.checks >= progress.next_correction or (ratio <= 1.0 and progress.imbalance >= before)
-        moves = progress.imbalance > least and not is_in_vain and is_due
+        # within its tolerance only a mesh that still moves, and only by what may be applied at once
+        least = MIN_IMBALANCE if ratio > 1.0 and correction.max_factor == 1.0 else 1.0
+        moves = progress.checks >= progress.next_correction and progress.imbalance > least
         if moves:
-            self._move_as_membrane(membrane, correction, edge)
+            progress.next_correction = progress.checks + CORRECTION_STEPS // self.mechanics.check_steps
+            # what moves far for a small imbalance is a soft mode, in which the mesh answers by other than its tangent
+            most = min(1.0, min(MAX_PARTS, progress.imbalance) * correction.max_factor)
+            share = self._correction.next_factor(correction.vector, most)
+            if progress.is_uncorrected:
+                self._move_clamps(correction.scaled(share))
+            else:
+                self._move_in_parts(membrane, correction if share == 1.0 else membrane.solve(edge, share)[0])
         lift = None
         if ratio > 1.0 and self.lift is None:
             lift = membrane.solve_across(edge, self.mechanics.checked_stress)
@@ -351,27 +349,6 @@ class MultilevelRelaxation(Relaxation):
             self._move_clamps(lift)
         self.mechanics.search()
         return moves or lifts
-
-    def _move_as_membrane(self, membrane: Membrane, correction: Correction, edge: EdgeState) -> None:
-        """Move the mesh by a correction, or the edge alone once corrections are abandoned."""
-        progress = self.progress
-        progress.failed_corrections += 1
-        if progress.imbalance < CORRECTION_GAIN * progress.least_imbalance:
-            progress.least_imbalance, progress.failed_corrections = progress.imbalance, 0
-        if progress.is_uncorrected:
-            self._move_clamps(correction.scaled(self._correction.next_factor(correction.vector, correction.max_factor)))
-        elif progress.failed_corrections > MAX_FAILED_CORRECTIONS:
-            # the mesh differs from a membrane of endless cloth: continue without corrections
-            self.membrane_residual = max(self.membrane_residual, MEMBRANE_TOLERANCE * progress.imbalance)
-            progress.is_uncorrected, progress.imbalance = True, self._unknown_imbalance
-        else:
-            # corrections that fail disturb more than they balance: the mesh has longer to balance itself
-            progress.next_correction = progress.checks + CORRECTION_CHECKS * (1 + progress.failed_corrections)
-            # what moves far for a small imbalance is a soft mode, in which the mesh answers by other than its tangent
-            most = min(1.0, min(MAX_PARTS, progress.imbalance) * correction.max_factor)
-            share = self._correction.next_factor(correction.vector, most)
-            part = correction if share == 1.0 else membrane.solve(edge, share)[0]
-            self._move_in_parts(membrane, part)
 
     def _move_in_parts(self, membrane: Membrane, correction: Correction) -> None:
         """Move the mesh by a correction, in parts of allowed size; parts are smaller after a deep overlap."""

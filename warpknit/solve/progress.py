@@ -44,10 +44,8 @@ class Progress:
     ratio: float = UNKNOWN  # residual over its tolerance at the last check
     next_balance: int = 0  # check from which the balance as a membrane is due
     next_correction: int = 0  # check from which the mesh may be moved as a membrane again
-    least_imbalance: float = UNKNOWN  # smallest so far in the level
-    failed_corrections: int = 0  # corrections since the smallest imbalance decreased
     is_prolonged: bool = True  # the level starts from the smaller mesh
-    is_uncorrected: bool = False  # no more corrections of the mesh in this level
+    is_uncorrected: bool = False  # the mesh is not moved as a membrane in this level
     imbalance: float = UNKNOWN  # out-of-balance membrane stress over its tolerance
     # ramps
     time: float = 0.0  # [s] of the stage

@@ -123,6 +123,7 @@ class RodState:
     mass_border: wp.array = array("vec4", "border", BORDERS)
     wire_quiet: wp.array = array(wp.int32, "wire")  # see kernels/banded_mass.py
     block_travel: wp.array = array(wp.float64, "block")  # [m] bound on the ways of its nodes and those beside since the search
+    block_rest: wp.array = array(wp.int32, "rod_block")  # whether its nodes move, see kernels/rod_blocks.py
     block_speed: wp.array = array(wp.float64, "block")  # [m2/s2] largest square of the speeds of its nodes in the last step
     load_force: wp.array = array(wp.vec3d)  # [N] dead load, see `set_load`
     position: wp.array = array(wp.vec3d)  # [m]
@@ -247,8 +248,15 @@ def rest_state(rods: Rods, device: str, precision: Precision = DOUBLE, worlds: i
     """The rest state, with true masses and stiffnesses."""
     nodes, edge, real = rods.node_count, rods.rest_edge, wp.dtype_to_numpy(precision.real)
     length, mass = np.linalg.norm(edge, axis=1), rods.of_nodes("linear_density") * rods.node_length
-    blocks = int(np.sum(-(-rods.wire_count // ROD_BLOCK))) if is_in_place(device) else 1
-    counts = {"node": nodes, "wire": len(rods.wire_first), "block": blocks, "border": _borders(rods)[1], "world": worlds}
+    blocks = int(np.sum(-(-rods.wire_count // ROD_BLOCK)))
+    counts = {
+        "node": nodes,
+        "wire": len(rods.wire_first),
+        "rod_block": blocks,
+        "block": blocks if is_in_place(device) else 1,
+        "border": _borders(rods)[1],
+        "world": worlds,
+    }
     counts["yielding"] = nodes if rods.section.yields else 1
     values = {
         "tangent": (edge / length[:, None]).astype(real),

@@ -11,12 +11,22 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from ..compute.host import fetch, store_at, zeros
+from ..compute.host import fetch, is_in_place, store, store_at, zeros
 from ..kernels import rod_checks as k
-from ..mechanics.numerics import AXIAL_ERROR, FASTEST_DAMPING, LOOK_AHEAD, STEP_MARGIN, error_ratio, renewed_damping
+from ..kernels.rod_blocks import MOVES, RESTS, RESTS_BESIDE, ROD_BLOCK
+from ..mechanics.numerics import (
+    AXIAL_ERROR,
+    FASTEST_DAMPING,
+    LOCAL_ALLOWANCE,
+    LOOK_AHEAD,
+    STEP_MARGIN,
+    error_ratio,
+    renewed_damping,
+)
 from .fictitious_masses import FictitiousMasses
 from .multipliers import AxialMultipliers
 from .rest_curve import RestCurve
+from .rod_arrays import OPEN_BORDER
 from .rod_step import CHECK_STEPS, RodStepper
 from .rods import Rods
 from .step_bound import largest_rates, stable_step
@@ -26,6 +36,7 @@ VIBRATION = 3.0  # speed of the whole motion over the mean motion, above which i
 # 10 to 13 with 20 over 20 to 25 with 28 to 57 to 63 with 64
 SMOOTH = 24.0
 LEAST_DAMPING = 0.003  # [1/s] banded masses leave few modes slower than half of that
+CALM = 0.3  # of the tolerance of the residual, in a block at rest
 
 
 @dataclass(frozen=True)
@@ -47,14 +58,115 @@ class StateSums:
         return error_ratio(self.excess_square, self.stretching, self.excess_max, AXIAL_ERROR)
 
 
+class RestingBlocks:
+    """Finds the blocks at rest, of a single world on a CPU. Blocks at the ends of wires, and of closed wires, always move.
+
+    A block rests where forces nearly balance and axial strains are within their tolerance, in it and in the blocks beside it in
+    its wire. Its nodes and their multipliers stay as they are. Checks evaluate the whole mesh: a block whose forces no longer
+    balance moves again.
+    """
+
+    KEPT = ("_is_stale", "_has_ended")
+
+    def __init__(self, stepper: RodStepper) -> None:
+        self._stepper = stepper
+        arrays, rods = stepper.arrays, stepper.rods
+        self._first, self._count, wire = (fetch(of) for of in (arrays.block_first, arrays.block_count, arrays.block_wire))
+        behind = self._first + self._count
+        inside = (self._first > rods.wire_first[wire]) & (behind <= (rods.wire_first + rods.wire_count)[wire] - OPEN_BORDER)
+        can_rest = stepper.worlds == 1 and is_in_place(stepper.device)
+        self._may_rest = inside & ~rods.wire_closed[wire].astype(bool) & can_rest
+        self._can_any = stepper.strip.ranks.any(bool(self._may_rest.any()))
+        # number of each block in the mesh of all ranks
+        of_wire = -(-stepper.strip.whole.wire_count // ROD_BLOCK)
+        first_of_wire = (np.cumsum(of_wire) - of_wire)[stepper.strip.wire[wire]]
+        self._of_mesh = first_of_wire + (self._first - rods.wire_first[wire]) // ROD_BLOCK
+        self._partial = zeros((len(self._first), int(k.STATE_COLUMNS)), wp.float64, stepper.device)
+        self._launch = stepper.launcher()
+        self._has_ended = np.zeros(stepper.worlds, dtype=bool)  # nothing rests any more
+        self._is_stale = np.zeros(stepper.worlds, dtype=bool)  # the state has been moved from outside since the last evaluation
+
+    @property
+    def _rests(self) -> np.ndarray:
+        """[block] whether its nodes rest."""
+        return fetch(self._stepper.state.block_rest) != int(MOVES)
+
+    def begin(self) -> None:
+        """Begin a load: all blocks move."""
+        self._has_ended[:] = False
+        self.wake()
+
+    def end(self) -> None:
+        """Let all blocks move up to the next load."""
+        self._has_ended[:] = True
+        if self._rests.any():
+            self.wake()
+            self._stepper.factor_masses()
+
+    def wake(self) -> None:
+        """Let all blocks move."""
+        store(self._stepper.state.block_rest, int(MOVES))
+
+    def moved(self, rows: np.ndarray) -> None:
+        """Note that the state of worlds has been moved from outside."""
+        self._is_stale[rows] = True
+
+    def renew_frames(self) -> None:
+        """Evaluate a state moved from outside where nodes rest."""
+        if self._is_stale.any() and self._stepper.strip.ranks.any(bool(self._rests.any())):
+            self._stepper.evaluate(0.0)
+        self._is_stale[:] = False
+
+    def add_forces(self) -> None:
+        """Set sums of forces on nodes at rest, by the state last evaluated."""
+        state = self._stepper.state
+        if (rests := self._rests).any():
+            nodes = self._nodes(rests)
+            fetch(state.force_sum)[nodes] = CHECK_STEPS * fetch(state.force)[nodes]
+
+    def find(self, of_excess: dict[str, object], force: float) -> None:
+        """Find the blocks at rest in the state last evaluated.
+
+        of_excess: see `AxialMultipliers`; force [N]: tolerance of the residual.
+        """
+        if not self._can_any or self._has_ended.all():
+            return
+        stepper, state, most = self._stepper, self._stepper.state, (CALM * force) ** 2
+        self._launch("resting", k.sum_states, **of_excess, unbalanced=state.force, state_partial=self._partial)
+        square, largest, excess, excess_square = fetch(self._partial).T[
+            [int(column) for column in (k.UNBALANCED_SQUARE, k.UNBALANCED_MAX, k.EXCESS_MAX, k.EXCESS_SQUARE)]
+        ]
+        calm = (square <= most * self._count) & (largest <= LOCAL_ALLOWANCE**2 * most)
+        calm &= error_ratio(excess_square, self._count, excess, AXIAL_ERROR) <= 1.0
+        found = (self._may_rest & _and_beside(calm))[stepper.blocks.start : stepper.blocks.stop]
+        rests = np.concatenate(stepper.strip.ranks.everyone(found))[self._of_mesh]
+        nodes = self._nodes(rests)
+        fetch(state.velocity)[nodes] = 0.0
+        fetch(state.spin)[nodes] = 0.0
+        fetch(state.block_speed)[rests] = 0.0
+        store(state.block_rest, np.where(rests, np.where(_and_beside(rests), int(RESTS), int(RESTS_BESIDE)), int(MOVES)))
+
+    def _nodes(self, blocks: np.ndarray) -> np.ndarray:
+        """[node] whether it is in one of these blocks."""
+        return np.repeat(blocks, np.diff(np.append(self._first, self._stepper.rods.node_count)))
+
+
+def _and_beside(blocks: np.ndarray) -> np.ndarray:
+    """Which of the blocks, and the ones before and after them, are true."""
+    padded = np.pad(blocks, 1)
+    return np.asarray(padded[:-2] & blocks & padded[2:])
+
+
 class AdaptiveDamping:
     """Renews the damping of worlds by their motion from check to check; measures its energy (kernels/rod_checks.py)."""
 
     KEPT = ("_last", "_has_last", "_last_slide")  # not the mean energy, which each check renews
 
-    def __init__(self, stepper: RodStepper, masses: FictitiousMasses, *, has_history: bool, knows_smooth: bool) -> None:
+    def __init__(
+        self, stepper: RodStepper, masses: FictitiousMasses, resting: RestingBlocks, *, has_history: bool, knows_smooth: bool
+    ) -> None:
         """has_history: whether wires slide or yield, also while they vibrate; knows_smooth: see `kinetic_energy`."""
-        self._stepper, self._masses, self._knows_smooth = stepper, masses, knows_smooth
+        self._stepper, self._masses, self._resting, self._knows_smooth = stepper, masses, resting, knows_smooth
         self._vibration = 1.0 if has_history else VIBRATION
         nodes, device = stepper.rods.node_count, stepper.device
         self._last: dict[str, wp.array] = {  # [node] state at the last check; once `find_motion` has run, the motion since then
@@ -134,12 +246,13 @@ class AdaptiveDamping:
     def reset(self, rows: np.ndarray) -> None:
         """Start the estimate anew, after the state was moved from outside; velocities are kept."""
         self._has_last[rows] = False
+        self._resting.moved(rows)
 
 
 class RodRelaxation:
     """Parts of the dynamic relaxation of rods, and what convergence checks sum."""
 
-    KEPT = ("damping", "multipliers")
+    KEPT = ("damping", "multipliers", "resting")
 
     def __init__(
         self,
@@ -165,7 +278,8 @@ class RodRelaxation:
         self.multipliers = AxialMultipliers(stepper, softening, wire_stiffness, correct=multipliers)
         keeps_arc_length = self.multipliers.keeps_arc_length
         self.masses = FictitiousMasses(stepper, wave_length, spacing_of, keeps_arc_length=keeps_arc_length)
-        self.damping = AdaptiveDamping(stepper, self.masses, has_history=has_history, knows_smooth=knows_smooth)
+        self.resting = RestingBlocks(stepper)
+        self.damping = AdaptiveDamping(stepper, self.masses, self.resting, has_history=has_history, knows_smooth=knows_smooth)
         self.state_partial = zeros((len(stepper.arrays.block_first), int(k.STATE_COLUMNS)), wp.float64, stepper.device)
         self._launch = stepper.launcher()
         mesh = stepper.strip.whole

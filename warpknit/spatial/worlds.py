@@ -85,11 +85,15 @@ class SpatialWorlds(Worlds):
         if self.multipliers is not None:
             self.multipliers.stiffen(rows)
         self.relaxation.stop_motion(rows)
+        self.relaxation.resting.begin()
         self.contact.search(rows)
         self.relaxation.masses.renew(rows, loading=True)
         self.contact.pop_max_penetration(rows)
 
     # --- steps
+
+    def move_all(self, rows: np.ndarray) -> None:
+        self.relaxation.resting.end()
 
     def search(self, rows: np.ndarray) -> None:
         self.contact.refresh(rows=rows)
@@ -139,6 +143,7 @@ class SpatialWorlds(Worlds):
 
     def step(self, rows: np.ndarray, last_step: np.ndarray) -> None:
         steering = self.steering
+        self.relaxation.resting.renew_frames()
         steering.set(rows, last_step=last_step)
         with self.stepper.only(rows):
             self.stepper.step(int((last_step - steering.step[rows]).max()))
@@ -165,6 +170,7 @@ class SpatialWorlds(Worlds):
         stepper.evaluate(0.0, rows=rows)
         relaxation.damping.renew(rows, boundary=self.strains.motion(rows))
         stability.hold_damping()
+        relaxation.resting.add_forces()
         state, contacts = relaxation.sums(rows, of_mean=True), self.contact.sums(rows)
         self.touches[rows] = (contacts.pushing > 0) | self.model.scene.wire.plastic
         self.strains.forget(rows[~self.touches[rows]])
@@ -172,6 +178,12 @@ class SpatialWorlds(Worlds):
         missing = self.strains.ratio(rows)
         counted = ~loading & ~stability.is_running[rows]
         relaxation.multipliers.monitor_progress(ratio[counted], state.excess_ratio[counted], rows[counted])
+        moves = loading.any() or stability.is_running[rows].any() or self.strains.driven(rows).any()
+        if moves or self._overlaps(contacts).any():
+            relaxation.resting.wake()
+        else:
+            tolerance = self.model.scene.solver.residual_tolerance
+            relaxation.resting.find(relaxation.multipliers.of_excess, tolerance * float(self._force_scale[rows[0]]))
         relaxation.multipliers.renew(state.mean_excess, rows, loading=loading)
         if self.multipliers is not None:
             self.multipliers.renew(contacts, relaxation.multipliers.rate(rows), rows, loading=loading)
@@ -190,6 +202,10 @@ class SpatialWorlds(Worlds):
             self.members[world].tell(f"the equilibrium at strains of {strains} was unstable: the mesh snapped through to another")
         tolerance = self.model.scene.solver.residual_tolerance
         return Check(np.where(loading, np.nan, ratio * tolerance), np.where(loading, np.inf, ratio))
+
+    def _overlaps(self, contacts: ContactSums) -> np.ndarray:
+        """[row] whether overlaps of soft contacts exceed their tolerance."""
+        return np.zeros(1, dtype=bool) if self.multipliers is None else self.multipliers.error_ratio(contacts) > 1.0
 
     def residual_ratio(self, state: StateSums, contacts: ContactSums, rows: np.ndarray) -> np.ndarray:
         """[row] the largest criterion over its tolerance: residual, and errors of softened axial strain and soft contacts."""
@@ -213,7 +229,7 @@ class SpatialWorlds(Worlds):
         rms = np.sqrt(state.unbalanced_square / max(state.free_nodes, 1))
         loops = stepper.strip.whole.node_count / stepper.worlds / scene.model.nodes_per_loop
         motion = np.sqrt(relaxation.damping.kinetic_energy(rows) / np.maximum(state.energy, ENERGY_FLOOR * bent * loops))
-        return np.maximum(np.maximum(rms / scale, state.unbalanced_max / LOCAL_ALLOWANCE / scale), motion)
+        return np.maximum(rms / scale, motion)
 
     def moving_blocks(self, world: int) -> int:
         """Blocks of nodes of a world that a residual far above its tolerance moves."""
