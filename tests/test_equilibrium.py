@@ -24,6 +24,7 @@ class OneMesh:
             found=lambda _rows: None,
         )
         self.touches = np.array([True])
+        self.moves_all = False
 
     def advance(self, _rows: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
         return np.array([steps]), np.array([False])
@@ -34,6 +35,9 @@ class OneMesh:
     def check(self, _rows: np.ndarray, _checks: np.ndarray, _loading: np.ndarray) -> Check:
         return Check(np.array([0.01 * self.ratio]), np.array([self.ratio]))
 
+    def move_all(self, _rows: np.ndarray) -> None:
+        self.moves_all = True
+
     def converged_stress(self, _rows: np.ndarray) -> np.ndarray:
         return np.ones((1, 2, 2))
 
@@ -42,9 +46,10 @@ class OneMesh:
 def test_only_a_number_below_one_has_converged(ratio: float, converges: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(equilibrium, "tension_scale", lambda _model: 1.0)
     relaxation = SimpleNamespace(progress=Progress(), step_limit=1000, corrected=lambda ratio: ratio)
-    loop = Equilibrium(OneMesh(ratio), [relaxation])  # type: ignore[arg-type,list-item]
+    mesh = OneMesh(ratio)
+    loop = Equilibrium(mesh, [relaxation])  # type: ignore[arg-type]
     found = [loop.advance(np.array([0]))[0] for _ in range(3)]
-    assert (found[-1] == [0]) == converges
+    assert (found[-1] == [0]) == converges == mesh.moves_all
 
 
 def test_progress_counts_decades_to_convergence() -> None:
