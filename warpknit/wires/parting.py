@@ -25,7 +25,8 @@ GROWTH = 0.1  # of the thickness, by which it grows at once
 APART = 1.005  # distance in the end over the thickness: no contact has a force
 FOUND, ROUGHLY = 0.003, 0.05  # of the thickness: overlaps left in the end, and before the thickness grows
 STEPS = 400  # at most
-NEAR, FAR = 1.3, 0.1  # thicknesses: up to which pairs are listed, and which nodes move until they are listed anew
+# thicknesses beyond the present one: up to which pairs are listed, and up to which they are known before they are listed anew
+NEAR, KNOWN = 0.4, 0.1
 LARGEST = 0.1  # of the thickness: most that a node moves at once
 ALONG = 2.0  # thicknesses along a wire, below which it does not touch itself (spatial/pair_search.py)
 SAMPLES = 3  # of a segment: the nearest are the first places
@@ -43,11 +44,13 @@ class _Pairs(NearPairs):
     length: np.ndarray  # (pair, 2) [m] of the segments
     is_ahead: np.ndarray  # (pair,) whether the second is behind the first along one wire, not before it
 
-    @property
-    def is_neighbour(self) -> np.ndarray:
-        """Whether the places are neighbours along one wire (pair,), without contact."""
-        inner = np.where(self.is_ahead[:, None], [1.0, 0.0], [0.0, 1.0])  # the ends that face each other along the wire
-        return self.between + dot(np.abs(self.place - inner), self.length) < ALONG * self.touch
+    def without_neighbours(self, distance: np.ndarray) -> np.ndarray:
+        """Distances (pair,) [m], infinite where the places are neighbours along one wire, without contact."""
+        near = np.flatnonzero(self.between < ALONG * self.touch)
+        inner = np.where(self.is_ahead[near][:, None], [1.0, 0.0], [0.0, 1.0])  # the ends that face each other along the wire
+        beyond = dot(np.abs(self.place[near] - inner), self.length[near])
+        distance[near[self.between[near] + beyond < ALONG * self.touch[near]]] = np.inf
+        return distance
 
 
 class _Nodes:
@@ -92,19 +95,21 @@ class _Nodes:
         """(node, 3) [m] moves, spread along the wires."""
         return np.asarray(cho_solve_banded((self._beam, False), move[self._around])[self._own])
 
-    def curve(self, points: np.ndarray, segment: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Points (pair, 3) [m] of segments at places s, derivatives by s, weights (pair, 4) of nodes."""
-        x = np.take(points, np.take(self.number, segment, axis=0), axis=0)
-        if self.shift.any():
-            x += np.take(self.shift, segment, axis=0)
+    def cubics(self, points: np.ndarray) -> np.ndarray:
+        """Coefficients (4, 3, segment) [m] of the curves through nodes.
 
-        def weights(one: float, h10: np.ndarray, h01: np.ndarray, h11: np.ndarray) -> np.ndarray:
-            half = 0.5 * np.stack([-h10, -h11, h10, h11], axis=1)
-            return half + np.stack([0.0 * h01, one - h01, h01, 0.0 * h01], axis=1)
+        They are c0 + c1 s + c2 s^2 + c3 s^3, with the nodes at `points` (node, 3) [m].
+        """
+        p0, p1, p2, p3 = (points[number] + shift for number, shift in zip(self.number.T, self.shift.swapaxes(0, 1), strict=True))
+        slope, slope_after, chord = 0.5 * (p2 - p0), 0.5 * (p3 - p1), p2 - p1
+        cubics = [p1, slope, 3.0 * chord - 2.0 * slope - slope_after, slope + slope_after - 2.0 * chord]
+        return np.ascontiguousarray(np.stack(cubics).swapaxes(1, 2))
 
-        at = weights(1.0, *hermite(s))
-        along = weights(0.0, 1.0 - 4.0 * s + 3.0 * (s * s), 6.0 * s * (1.0 - s), 3.0 * (s * s) - 2.0 * s)
-        return np.einsum("pa,pak->pk", at, x), np.einsum("pa,pak->pk", along, x), at
+
+def _weights(s: np.ndarray) -> np.ndarray:
+    """(..., 4) weights of the nodes of a segment in its curve at places s."""
+    h10, h01, h11 = hermite(s)
+    return np.stack([-0.5 * h10, 1.0 - h01 - 0.5 * h11, h01 + 0.5 * h10, 0.5 * h11], axis=-1)
 
 
 def pushed_apart(wires: Wires, thickness: np.ndarray) -> Wires:
@@ -115,13 +120,15 @@ def pushed_apart(wires: Wires, thickness: np.ndarray) -> Wires:
     thickness = np.broadcast_to(thickness, len(wires.points))
     nodes, thickest = _Nodes(wires, thickness), float(np.max(thickness))
     drawn = points = np.concatenate(wires.points)
-    pairs = _listed(wires, nodes, thickness)
+    reach = 1.0 + NEAR  # thicknesses up to which pairs are listed
+    pairs = _listed(wires, nodes, thickness, reach)
     share, deepest, travel = 0.0, 0.0, 0.0
     left = 0.0  # of the thickness: deepest overlap now
     for _ in range(STEPS):
         if pairs is None or not len(pairs.touch):
             break
-        normal, distance, weights = _closest(nodes, points, pairs)
+        place = pairs.place
+        normal, distance = _closest(nodes.cubics(points), pairs)
         left = float(1.0 - (distance / pairs.touch).min())
         if share == 0.0:
             deepest = left
@@ -130,7 +137,7 @@ def pushed_apart(wires: Wires, thickness: np.ndarray) -> Wires:
             share = 1.0 - deepest
         missing = APART * share - distance / pairs.touch
         if missing.max() >= (FOUND if share == 1.0 else ROUGHLY):
-            move = nodes.spread(_moves(nodes, pairs, np.maximum(missing, 0.0) * pairs.touch, normal, weights, len(points)))
+            move = nodes.spread(_moves(nodes, pairs, np.maximum(missing, 0.0) * pairs.touch, normal, place, len(points)))
             size = np.linalg.norm(move, axis=1, keepdims=True)
             move *= np.minimum(1.0, LARGEST * thickest / np.maximum(size, 1e-300))
             points, travel = points + move, travel + float(size.max())
@@ -139,8 +146,9 @@ def pushed_apart(wires: Wires, thickness: np.ndarray) -> Wires:
         elif share == 1.0:  # are there others?
             travel = np.inf
         share = share if missing.max() >= ROUGHLY else min(1.0, share + GROWTH)
-        if travel > FAR * thickest:
-            pairs, travel = _listed(_at(wires, nodes, points), nodes, thickness), 0.0
+        if share + 2.0 * travel / thickest > reach - KNOWN:
+            reach, travel = share + NEAR, 0.0
+            pairs = _listed(_at(wires, nodes, points), nodes, thickness, reach)
     if share == 0.0:
         return wires
     farthest = engineering(float(np.linalg.norm(points - drawn, axis=1).max()), "m")
@@ -161,68 +169,85 @@ def _at(wires: Wires, nodes: _Nodes, points: np.ndarray) -> Wires:
     return replace(there, rest_lengths=tuple(kept))
 
 
-def _listed(wires: Wires, nodes: _Nodes, thickness: np.ndarray) -> _Pairs | None:
-    """Pairs of segments nearer than NEAR thicknesses that are no neighbours; None where they are too many."""
+def _listed(wires: Wires, nodes: _Nodes, thickness: np.ndarray, reach: float) -> _Pairs | None:
+    """Pairs of segments nearer than `reach` thicknesses that are no neighbours; None where they are too many."""
     segments = segments_of(wires)
 
     def is_listed(near: NearPairs) -> np.ndarray:
         longest = near.between + segments.length[near.segment].sum(axis=1)
-        return np.asarray((near.share < NEAR) & (longest >= ALONG * near.touch))
+        return np.asarray((near.share < reach) & (longest >= ALONG * near.touch))
 
-    pairs = kept_pairs(near_pairs(segments, wires, thickness, reach=NEAR, with_neighbours=True), is_listed, np.inf)
+    pairs = kept_pairs(near_pairs(segments, wires, thickness, reach=reach, with_neighbours=True), is_listed, np.inf)
     if pairs is None:
         return None
     first, second = pairs.segment.T
     shift = wires.shift(pairs.repeat + segments.moved[second] - segments.moved[first])
     found = _Pairs(**vars(pairs), shift=shift, length=segments.length[pairs.segment], is_ahead=first < 0)
-    points, samples = np.concatenate(wires.points), np.linspace(0.0, 1.0, SAMPLES + 1)
-    every = np.arange(len(nodes.number))
-    curves = [nodes.curve(points, every, np.full(len(every), s))[0] for s in samples]
-    places = np.stack(np.meshgrid(samples, samples, indexing="ij"), axis=-1).reshape(-1, 2)
-    of_first, of_second = ([np.take(curve, side, axis=0) for curve in curves] for side in (first, second))
-    of_second = [one + shift for one in of_second]
-    apart = (a - b for a in of_first for b in of_second)
-    distance = np.sqrt(np.stack([dot(one, one) for one in apart]))
+    cubics, samples = nodes.cubics(np.concatenate(wires.points)), np.linspace(0.0, 1.0, SAMPLES + 1)
+    curves = [_on_curve(cubics, s) for s in samples]
+    of_first, of_second = ([np.take(curve, side, axis=1) for curve in curves] for side in (first, second))
+    of_second = [one + shift.T for one in of_second]
+    distance = np.stack([_length(a - b) for a in of_first for b in of_second])
     found.is_ahead = distance[-1 - SAMPLES] <= distance[SAMPLES]  # at (1, 0) and (0, 1)
+    places = np.stack(np.meshgrid(samples, samples, indexing="ij"), axis=-1).reshape(-1, 2)
     for number, place in enumerate(places):
         found.place = np.broadcast_to(place, (len(first), 2))
-        distance[number, found.is_neighbour] = np.inf
+        found.without_neighbours(distance[number])
     found.place = places[np.argmin(distance, axis=0)]
-    return found.taken(distance.min(axis=0) < NEAR * found.touch)
+    found = found.taken(distance.min(axis=0) < reach * found.touch)
+    _closest(cubics, found)
+    return found
 
 
-def _closest(nodes: _Nodes, points: np.ndarray, pairs: _Pairs) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Unit vectors (pair, 3) from second to first curve, distances (pair,) [m], weights (pair, 2, 4) of nodes. Moves the places
-    by a damped step of Gauss and Newton where that is nearer.
+def _closest(cubics: np.ndarray, pairs: _Pairs) -> tuple[np.ndarray, np.ndarray]:
+    """Unit vectors (3, pair) from second to first curve, and distances (pair,) [m].
+
+    Both are at the places, which then move by a damped step of Gauss and Newton. cubics: of all segments.
     """
-    between, along, weights = _apart(nodes, points, pairs, pairs.place)
-    (a, b), (_, c) = np.einsum("ipk,jpk->ijp", along, along)
-    a, c = (1.0 + DAMPED) * a, (1.0 + DAMPED) * c
-    f, g = np.einsum("pk,ipk->ip", between, along)
+    (p, along_p), (q, along_q) = (
+        _on_curve_with_slope(np.take(cubics, segment, axis=2), place)
+        for segment, place in zip(pairs.segment.T, pairs.place.T, strict=True)
+    )
+    between = p - q - pairs.shift.T
+    distance = _length(between)
+    normal = between / np.maximum(distance, 1e-300)
+    distance = pairs.without_neighbours(distance)
+    a, c = ((1.0 + DAMPED) * _dot(along, along) for along in (along_p, along_q))
+    b, f, g = _dot(along_p, along_q), _dot(between, along_p), _dot(between, along_q)
     step = np.stack([b * g - c * f, a * g - b * f], axis=1) / (a * c - b * b)[:, None]
-    place = np.clip(pairs.place + np.clip(step, -LONGEST, LONGEST), 0.0, 1.0)
-    between_there, _, weights_there = _apart(nodes, points, pairs, place)
-    distance, distance_there = (np.sqrt(dot(apart, apart)) for apart in (between, between_there))
-    is_nearer = distance_there < distance
-    pairs.place[is_nearer] = place[is_nearer]
-    between[is_nearer], weights[is_nearer] = between_there[is_nearer], weights_there[is_nearer]
-    distance = np.where(pairs.is_neighbour, np.inf, np.minimum(distance, distance_there))
-    return between / np.maximum(distance, 1e-300)[:, None], distance, weights
+    pairs.place = np.clip(pairs.place + np.clip(step, -LONGEST, LONGEST), 0.0, 1.0)
+    return normal, distance
 
 
-def _apart(nodes: _Nodes, points: np.ndarray, pairs: _Pairs, place: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(pair, 3) [m] from the second to the first curve at places, (2, pair, 3) both derivatives, and (pair, 2, 4) weights."""
-    (p, along_p, weight_p), (q, along_q, weight_q) = (nodes.curve(points, pairs.segment[:, k], place[:, k]) for k in (0, 1))
-    return p - q - pairs.shift, np.stack([along_p, along_q]), np.stack([weight_p, weight_q], axis=1)
+def _on_curve(cubics: np.ndarray, s: np.ndarray | float) -> np.ndarray:
+    """Points (3, pair) [m] at places s of cubics (4, 3, pair)."""
+    c0, c1, c2, c3 = cubics
+    return np.asarray(c0 + s * (c1 + s * (c2 + s * c3)))
 
 
-def _moves(nodes: _Nodes, pairs: _Pairs, missing: np.ndarray, normal: np.ndarray, weights: np.ndarray, count: int) -> np.ndarray:
-    """Moves (node, 3) [m] of both sides by half of `missing` (pair,) [m], a mean over pairs."""
-    is_close = missing > 0.0
-    number = nodes.number[pairs.segment[is_close]].ravel()
-    weight = np.maximum(weights[is_close], 0.0)
-    half = 0.5 * GAIN * missing[is_close][:, None] * normal[is_close]
-    move = weight[..., None] * (np.array([1.0, -1.0])[None, :, None, None] * half[:, None, None])
+def _on_curve_with_slope(cubics: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same, and derivatives (3, pair) [m] by s."""
+    _, c1, c2, c3 = cubics
+    return _on_curve(cubics, s), c1 + s * (2.0 * c2 + 3.0 * s * c3)
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(pair,) products of vectors (3, pair)."""
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+def _length(a: np.ndarray) -> np.ndarray:
+    """(pair,) lengths of vectors (3, pair)."""
+    return np.sqrt(_dot(a, a))
+
+
+def _moves(nodes: _Nodes, pairs: _Pairs, missing: np.ndarray, normal: np.ndarray, place: np.ndarray, count: int) -> np.ndarray:
+    """Moves (node, 3) [m] of both sides by half of `missing` (pair,) [m] at places (pair, 2), a mean over pairs."""
+    close = np.flatnonzero(missing > 0.0)
+    number = nodes.number[pairs.segment[close]].ravel()
+    weight = np.maximum(_weights(place[close]), 0.0)
+    half = 0.5 * GAIN * missing[close] * normal[:, close]
+    move = half[:, :, None, None] * np.array([1.0, -1.0])[:, None] * weight
     total = np.bincount(number, weight.ravel(), count)
-    sums = np.stack([np.bincount(number, move[..., k].ravel(), count) for k in range(3)], axis=1)
+    sums = np.stack([np.bincount(number, one.ravel(), count) for one in move], axis=1)
     return np.asarray(sums / np.maximum(total, 1.0)[:, None])
