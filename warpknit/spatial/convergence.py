@@ -1,4 +1,4 @@
-"""Stability of equilibria of a spatial mesh, and overlapping wires in words."""
+"""Stability of equilibria of a spatial mesh, remaining motion, overlapping wires in words."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from .. import measure
 from ..base.errors import ModelError
 from ..base.text import engineering, place_text, short_percent
+from ..compute.host import fetch
 from ..mechanics.numerics import FASTEST_DAMPING
 from ..scene import Scene
 from ..wires.overlaps import CLOSEST
@@ -28,6 +29,10 @@ MOST_TESTS = 8  # of a level: equilibria that are left one after another
 CLAMPED = 1e-9  # of the thickness: smaller overlaps of clamped wires are rounding
 MOST_LISTED = 20  # places in a message
 LEAST_DIFFERENCE = 0.005  # of the scene's stiffness: a change in three digits
+MOTIONS = 8  # between convergence checks, from which a correction is found
+LARGEST = 0.1  # of the thickness: most that a correction moves a node
+INDEPENDENT = 1e-8  # least square of a direction over the largest one, of motions of length 1
+POSITIVE = 1e-12  # least stiffness of a direction over the largest one
 
 
 class Stability:
@@ -107,6 +112,81 @@ class Stability:
         stepper.store_rows(place, rows, stepper.by_world(place)[rows] + np.where(free[..., None], shift[:, here], 0.0))
         self.contact.refresh(np.linalg.norm(shift, axis=2).max(axis=1), rows)
         self.relaxation.damping.reset(rows)
+
+
+def least_energy(motions: np.ndarray, changes: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Move (unknown,) [m] to the least energy in the space of `motions` (motion, unknown) [m].
+
+    changes (motion, unknown) [N]: of the forces during the motions; force (unknown,) [N]: now.
+    """
+    size = np.linalg.norm(motions, axis=1)
+    motions, changes = motions[size > 0.0], changes[size > 0.0]
+    if not len(motions):
+        return np.zeros_like(force)
+    motions, changes = (values / size[size > 0.0, None] for values in (motions, changes))
+    square, vectors = np.linalg.eigh(motions @ motions.T)
+    is_independent = square > INDEPENDENT * square[-1]
+    basis = (vectors[:, is_independent] / np.sqrt(square[is_independent])).T
+    stiffness = -basis @ (motions @ changes.T) @ basis.T
+    rates, directions = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
+    directions = directions[:, rates > POSITIVE * np.abs(rates).max()]
+    rates = rates[rates > POSITIVE * np.abs(rates).max()]
+    share = directions @ (directions.T @ (basis @ (motions @ force)) / rates)
+    return np.asarray((share @ basis) @ motions)
+
+
+class SoftMotion:
+    """Corrects the motion that remains where forces balance.
+
+    A loose mesh, such as a swatch that hangs on the ends of its one wire, creeps or swings for thousands of steps after its
+    forces balance, in fields that change the energy little. The last motions d (motion, unknown) consist of these fields. The
+    forces f have changed by g during them. The energy of the mesh, moved by a . d, is to second order
+
+        E(a) = E - a . b + a . A a/2        b = d f        A = -(d g^T + g d^T)/2
+
+    so that A a = b in equilibrium. Directions without a least energy are left out.
+    """
+
+    KEPT = ("_motions", "_changes")
+
+    def __init__(self, relaxation: RodRelaxation, contact: WireContact) -> None:
+        self._relaxation, self._contact, self._stepper = relaxation, contact, relaxation.stepper
+        self._motions: list[np.ndarray] = []  # (unknown,) [m] between successive checks
+        self._changes: list[np.ndarray] = []  # (unknown,) [N]
+
+    def _forget(self) -> None:
+        self._motions, self._changes = [], []
+
+    def collect(self, *, counts: bool) -> None:
+        """Collect the motion since the last check, in the state last evaluated; if it does not count, begin anew."""
+        found = self._relaxation.damping.motion() if counts else None
+        if found is None:
+            self._forget()
+            return
+        place, angle, force, torque = found
+        self._motions.append(self._joined(place, angle, 1.0 / self._stepper.rods.section.thickness))
+        self._changes.append(self._joined(force, torque, self._stepper.rods.section.thickness))
+
+    def _joined(self, of_nodes: np.ndarray, of_sections: np.ndarray, lever: float) -> np.ndarray:
+        """(unknown,) displacements of nodes and, with a lever [1/m], of sections; or forces, with a lever [m]."""
+        return np.concatenate([of_nodes.ravel(), of_sections / lever])
+
+    def correct(self) -> None:
+        """Move the mesh to the least energy, where enough motions are collected; velocities are kept."""
+        if len(self._motions) < MOTIONS:
+            return
+        stepper, state, rows = self._stepper, self._stepper.state, self._stepper.rows
+        thickness, nodes = stepper.rods.section.thickness, stepper.rods.node_count
+        force = self._joined(fetch(state.force), fetch(state.torque), thickness)
+        move = least_energy(np.array(self._motions), np.array(self._changes), force)
+        self._forget()
+        place = move[: 3 * nodes].reshape(1, nodes, 3)
+        share = min(1.0, LARGEST * thickness / max(float(np.abs(place).max()), 1e-300))
+        stepper.store_rows(state.displacement, rows, stepper.by_world(state.displacement) + share * place)
+        turn = share * move[None, 3 * nodes :] / thickness
+        stepper.store_rows(state.angle, rows, stepper.by_world(state.angle) + turn)
+        self._contact.search(rows)
+        self._relaxation.damping.reset(rows)
 
 
 def refuse_overlaps(near: Contacts, rods: Rods, strip: RodStrip, instead: str) -> None:

@@ -343,7 +343,7 @@ class SpatialMechanics(Mechanics):
     def owners(self) -> list[Owner]:
         group = self.group
         of_contact, of_rods = [self.contact, self.multipliers], [self.relaxation, self.clamps, self.stepper.yielding]
-        of_worlds = [group, *of_contact, *of_rods, self.stability, group.strains]
+        of_worlds = [group, *of_contact, *of_rods, self.stability, group.strains, group.soft_motion]
         of_world = [Owner(one, self.world, self.stepper.worlds) for one in of_worlds if one is not None]
         return [Owner(self.state), *of_world, Owner(self)]
 

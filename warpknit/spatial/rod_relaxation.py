@@ -212,6 +212,16 @@ class AdaptiveDamping:
         clamps = self._stepper.clamps
         return np.zeros((0, 2)) if clamps is None else np.stack([clamps.place, clamps.force[:, 1]], axis=1)
 
+    def motion(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None:
+        """Motion since the last check, after `renew`: of nodes (node, 3) [m] and sections [node] [rad], zero where held, and the
+        changes of forces (node, 3) [N] and torques [node] [N m]. None where it is not known of all worlds.
+        """
+        if np.isnan(self._mean_energy).any():
+            return None
+        place, angle, force, torque = (fetch(self._last[f"last_{name}"]) for name in ("place", "angle", "force", "torque"))
+        state = self._stepper.state
+        return place.copy(), angle.copy(), fetch(state.force) - force, fetch(state.torque) - torque
+
     def kinetic_energy(self, rows: np.ndarray) -> np.ndarray:
         """[row] [J] of the mean motion since the last check; after a move from outside, of all motion.
 

@@ -18,7 +18,7 @@ from ..mechanics.numerics import ENERGY_FLOOR, FORCE_FLOOR, LOCAL_ALLOWANCE, SLO
 from ..mechanics.protocols import Check
 from ..mechanics.worlds import Worlds
 from .clamps import MovingClamps
-from .convergence import Stability
+from .convergence import SoftMotion, Stability
 from .mechanics import SpatialMechanics
 from .model import SpatialModel
 from .multipliers import LOADED, SOFTEST, ContactMultipliers
@@ -77,6 +77,8 @@ class SpatialWorlds(Worlds):
         rigidity = float((rods.of_wires("axial_stiffness") * rods.wire_length).sum())
         super().__init__([model] * worlds, self.stepper.steering, rigidity)
         self.stability = Stability(model, self.relaxation, self.contact)
+        is_loose = scene.wires is not None and worlds == 1 and model.ramp is None and not scene.depends_on_path
+        self.soft_motion = SoftMotion(self.relaxation, self.contact) if is_loose else None
         self.deepest = np.zeros(worlds)  # overlap over the thickness, up to the last convergence check
         self.members: list[SpatialMechanics] = [SpatialMechanics(self, one, world) for world, one in enumerate(models)]
 
@@ -177,6 +179,9 @@ class SpatialWorlds(Worlds):
         ratio = np.where(loading, np.inf, self.residual_ratio(state, contacts, rows))
         missing = self.strains.ratio(rows)
         counted = ~loading & ~stability.is_running[rows]
+        if self.soft_motion is not None:
+            balances = self._unbalance(state, contacts, rows) < self.model.scene.solver.residual_tolerance
+            self.soft_motion.collect(counts=bool((counted & balances).all() and not self.strains.driven(rows).any()))
         relaxation.multipliers.monitor_progress(ratio[counted], state.excess_ratio[counted], rows[counted])
         moves = loading.any() or stability.is_running[rows].any() or self.strains.driven(rows).any()
         if moves or self._overlaps(contacts).any():
@@ -197,6 +202,8 @@ class SpatialWorlds(Worlds):
         if not loading.all():
             ratio[~loading] = stability.after_check(ratio[~loading], rows[~loading])
         self.strains.rest(rows, stability.is_running[rows])
+        if self.soft_motion is not None and 1.0 <= ratio[0] < np.inf:
+            self.soft_motion.correct()
         for world in np.flatnonzero(stability.has_left & ~left).tolist():
             strains = strain_text(self.steering.gradient[world])
             self.members[world].tell(f"the equilibrium at strains of {strains} was unstable: the mesh snapped through to another")
@@ -218,7 +225,16 @@ class SpatialWorlds(Worlds):
 
         Sums of the state last evaluated.
         """
-        relaxation, model, scene, stepper = self.relaxation, self.model, self.model.scene, self.stepper
+        scene, stepper = self.model.scene, self.stepper
+        bent = self.model.bending_stiffness / scene.knit.wale_spacing
+        loops = stepper.strip.whole.node_count / stepper.worlds / scene.model.nodes_per_loop
+        least = ENERGY_FLOOR * bent * loops
+        motion = np.sqrt(self.relaxation.damping.kinetic_energy(rows) / np.maximum(state.energy, least))
+        return np.maximum(self._unbalance(state, contacts, rows), motion)
+
+    def _unbalance(self, state: StateSums, contacts: ContactSums, rows: np.ndarray) -> np.ndarray:
+        """[row] the relative unbalanced force."""
+        model, scene = self.model, self.model.scene
         bent = model.bending_stiffness / scene.knit.wale_spacing
         # the reference force is at least the knit's, or a smaller dead load
         load, of_knit = self.steering.dead_load[rows], FORCE_FLOOR * bent / scene.knit.wale_spacing
@@ -227,9 +243,7 @@ class SpatialWorlds(Worlds):
         least = np.where(load == 0.0, of_knit, np.minimum(of_knit, np.maximum(load, smallest)))
         self._force_scale[rows] = scale = np.maximum(contacts.mean_push, least)
         rms = np.sqrt(state.unbalanced_square / max(state.free_nodes, 1))
-        loops = stepper.strip.whole.node_count / stepper.worlds / scene.model.nodes_per_loop
-        motion = np.sqrt(relaxation.damping.kinetic_energy(rows) / np.maximum(state.energy, ENERGY_FLOOR * bent * loops))
-        return np.maximum(rms / scale, motion)
+        return rms / scale
 
     def moving_blocks(self, world: int) -> int:
         """Blocks of nodes of a world that a residual far above its tolerance moves."""
