@@ -29,6 +29,17 @@ PATCH = {
 }
 
 
+@pytest.fixture(autouse=True)
+def rests(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Blocks of a mesh without membrane corrections rest, too."""
+
+    def begin(blocks: rod_relaxation.RestingBlocks) -> None:
+        blocks.wake()
+        blocks.allow()
+
+    monkeypatch.setattr(rod_relaxation.RestingBlocks, "begin", begin)
+
+
 class Stop(Exception):
     pass
 
@@ -50,7 +61,7 @@ def blocks(simulation: Simulation) -> np.ndarray:
     return fetch(simulation.mechanics.state.block_rest).copy()
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.2])
+@pytest.mark.parametrize("friction", [0.0, pytest.param(0.2, marks=pytest.mark.slow)])
 def test_the_equilibrium_is_that_of_all_nodes(friction: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Half of the blocks rest on the way, at the end none; tensions are equal within what they may still drift."""
     shares: list[float] = []

@@ -75,6 +75,10 @@ class Worlds(ABC):
     def step(self, rows: np.ndarray, last_step: np.ndarray) -> None:
         """Step worlds until each has taken `last_step` [row] steps, or is frozen."""
 
+    def let_rest(self) -> None:
+        """Let steps leave out nodes at rest: membrane corrections move long waves."""
+        return
+
     def move_all(self, rows: np.ndarray) -> None:
         """Let nodes at rest move again, up to the next load."""
         return

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -127,7 +127,7 @@ class Reflected:
         """Rows of a record at a frequency [Hz] by the state of the contacts; first as computed, or as the scene sets."""
         return {row.contacts: row for row in self.rows if (row.record, row.frequency_Hz) == (record, frequency)}
 
-    def added_to(self, summary: dict[str, Any]) -> dict[str, Any]:
+    def added_to(self, summary: Mapping[str, Any]) -> dict[str, Any]:
         """A summary with the section `reflection`, and least tensions among the answers.
 
         The section is of the last record; of a map, at the least tension and highest frequency.
@@ -146,7 +146,7 @@ class Reflected:
             answers.append(
                 LeastTension(frequency_Hz=frequency, tension_weft_N_per_m=weft, tension_warp_N_per_m=warp, loss_dB=loss)
             )
-        return summary | {"reflection": losses, "answers": (summary.get("answers") or {}) | {"reflection": answers}}
+        return dict(summary) | {"reflection": losses, "answers": (summary.get("answers") or {}) | {"reflection": answers}}
 
     @property
     def findings(self) -> list[Finding]:

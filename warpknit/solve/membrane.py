@@ -32,7 +32,7 @@ BALANCE_CHECKS = 2  # convergence checks between two looks at the balance, at le
 CORRECTION_STEPS = 150  # steps between corrections, which disturb loops, at least
 # short waves have decayed where the residual over its tolerance is below the first, or its share left by a check above the second
 SETTLED, SLOW_DECAY = 1.5, 0.8
-LIFT_TOLERANCE = 0.01  # of the height of the edge above the apex: error of the height of the mesh
+LIFT_TOLERANCE = 0.005  # of the height of the edge above the apex: error of the height of the mesh
 LEAST_LIFT = 0.1  # the same, of the thickness of the wire, at least
 LEAST_SAG = 1e-4  # the same, of the sag of a cord
 MAX_SLOPE = 0.05  # of one correction, which tilts loops rigidly

@@ -292,6 +292,8 @@ class MultilevelRelaxation(Relaxation):
         has_history = self.scene.depends_on_path or self.scene.knit.scatter > 0.0
         is_unlike = has_history and self.mechanics.rim is not None and not (self.smaller and progress.is_prolonged)
         progress.is_uncorrected = is_unlike or not (progress.is_prolonged or self._keeps_own)
+        if self.membrane is not None and not progress.is_uncorrected:
+            self.mechanics.group.let_rest()
         progress.ratio, progress.imbalance = UNKNOWN, UNKNOWN
         if progress.is_uncorrected and not (self.membrane and self.membrane.rim.is_free):
             progress.imbalance = 0.0

@@ -66,7 +66,7 @@ class RestingBlocks:
     balance moves again.
     """
 
-    KEPT = ("_is_stale", "_has_ended")
+    KEPT = ("_is_stale", "_is_allowed")
 
     def __init__(self, stepper: RodStepper) -> None:
         self._stepper = stepper
@@ -83,7 +83,7 @@ class RestingBlocks:
         self._of_mesh = first_of_wire + (self._first - rods.wire_first[wire]) // ROD_BLOCK
         self._partial = zeros((len(self._first), int(k.STATE_COLUMNS)), wp.float64, stepper.device)
         self._launch = stepper.launcher()
-        self._has_ended = np.zeros(stepper.worlds, dtype=bool)  # nothing rests any more
+        self._is_allowed = np.zeros(stepper.worlds, dtype=bool)
         self._is_stale = np.zeros(stepper.worlds, dtype=bool)  # the state has been moved from outside since the last evaluation
 
     @property
@@ -93,12 +93,16 @@ class RestingBlocks:
 
     def begin(self) -> None:
         """Begin a load: all blocks move."""
-        self._has_ended[:] = False
+        self._is_allowed[:] = False
         self.wake()
+
+    def allow(self) -> None:
+        """Let blocks rest under the present load."""
+        self._is_allowed[:] = True
 
     def end(self) -> None:
         """Let all blocks move up to the next load."""
-        self._has_ended[:] = True
+        self._is_allowed[:] = False
         if self._rests.any():
             self.wake()
             self._stepper.factor_masses()
@@ -129,7 +133,7 @@ class RestingBlocks:
 
         of_excess: see `AxialMultipliers`; force [N]: tolerance of the residual.
         """
-        if not self._can_any or self._has_ended.all():
+        if not self._can_any or not self._is_allowed.any():
             return
         stepper, state, most = self._stepper, self._stepper.state, (CALM * force) ** 2
         self._launch("resting", k.sum_states, **of_excess, unbalanced=state.force, state_partial=self._partial)

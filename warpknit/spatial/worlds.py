@@ -94,6 +94,9 @@ class SpatialWorlds(Worlds):
 
     # --- steps
 
+    def let_rest(self) -> None:
+        self.relaxation.resting.allow()
+
     def move_all(self, rows: np.ndarray) -> None:
         self.relaxation.resting.end()
 
