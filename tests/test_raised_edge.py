@@ -13,7 +13,7 @@ from warpknit.mesh.rim import build_rim
 from warpknit.runner.summary import panel_of
 from warpknit.scene import load_scene
 from warpknit.scene.outline import regular
-from warpknit.solve.membrane import LIFT_TOLERANCE
+from warpknit.solve.membrane import LARGEST_FACTOR, LIFT_TOLERANCE
 from warpknit.solve.model import build_model
 from warpknit.solve.progress import Progress
 from warpknit.solve.simulate import Record, Simulation
@@ -64,19 +64,20 @@ def test_a_facet_hung_at_its_corners_is_flat(tmp_path: Path) -> None:
 
         rms = s^2/(4 f) sqrt(1 - 5/6 + 7/30) = s^2/(4 f) sqrt(2/5)
 
-    The cords draw the edge in by a few percent of s; this and LIFT_TOLERANCE bound the difference. Clamps carry no more across
-    the plane than the mesh is out of balance.
+    The cords draw the edge in by a few percent of s; this and the error of the height bound the difference. Clamps carry no more
+    across the plane than the mesh is out of balance.
     """
     cord = ["panel.grip_pitch=10 mm", 'panel.cord={tension="50 mN", stiffness="50 N"}']
     last = solved(tmp_path, "panel.outline=hexagon", "panel.size=10 mm", *cord, "load.strain_weft=0.1", "load.strain_warp=0.1")
     (tables, summary), r = panel_of(last), last.observables
     assert summary is not None
     surface, depth = summary["surface"], 0.011**2 / (4.0 * FOCAL)
-    assert tables["surface"]["height_m"] == pytest.approx(depth, abs=2.0 * LIFT_TOLERANCE * depth)
+    error = 2.0 * LARGEST_FACTOR * LIFT_TOLERANCE  # at the edge, of an estimate by the mean tension
+    assert tables["surface"]["height_m"] == pytest.approx(depth, abs=error * depth)
     drawn = float(np.linalg.norm(last.stations[:, :2], axis=1).max()) / 0.011
     assert drawn < 0.02
-    assert surface["rms_deviation_m"] == pytest.approx(depth * np.sqrt(0.4), rel=2.0 * drawn + 2.0 * LIFT_TOLERANCE)
-    assert surface["pillowing_m"] == pytest.approx(depth, rel=2.0 * LIFT_TOLERANCE)
+    assert surface["rms_deviation_m"] == pytest.approx(depth * np.sqrt(0.4), rel=2.0 * drawn + error)
+    assert surface["pillowing_m"] == pytest.approx(depth, rel=error)
     left = np.abs(np.delete(r.force, r.model.wires.held_node, axis=0)[:, 2]).sum()
     assert abs(r.edge_force[:, 2].sum()) <= left < 0.02 * r.clamp_force.sum()
 

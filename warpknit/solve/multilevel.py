@@ -334,13 +334,13 @@ class MultilevelRelaxation(Relaxation):
         moves = progress.checks >= progress.next_correction and progress.imbalance > least
         if moves:
             progress.next_correction = progress.checks + CORRECTION_STEPS // self.mechanics.check_steps
+        if moves and progress.is_uncorrected:
+            self._move_clamps(correction.scaled(self._correction.next_factor(correction.vector, correction.max_factor)))
+        elif moves:
             # what moves far for a small imbalance is a soft mode, in which the mesh answers by other than its tangent
             most = min(1.0, min(MAX_PARTS, progress.imbalance) * correction.max_factor)
             share = self._correction.next_factor(correction.vector, most)
-            if progress.is_uncorrected:
-                self._move_clamps(correction.scaled(share))
-            else:
-                self._move_in_parts(membrane, correction if share == 1.0 else membrane.solve(edge, share)[0])
+            self._move_in_parts(membrane, correction if share == 1.0 else membrane.solve(edge, share)[0])
         lift = None
         if ratio > 1.0 and self.lift is None:
             lift = membrane.solve_across(edge, self.mechanics.checked_stress)
