@@ -15,7 +15,8 @@ import warp as wp
 
 from .control import LENGTH_FACTOR, LOAD_STEP, STEP, TIME_STEP
 from .wire_curve import Bump, Nodes, curve_through, point_at, rest_shape, row, stencil, weighted_sum
-from .wire_pairs import affine_inverse
+from .wire_near import old_pair
+from .wire_pairs import NOT_SEARCHED, affine_inverse
 
 MAX_HANDOVER = wp.constant(wp.float64(0.5))  # segments, largest motion of a contact in one step
 
@@ -202,7 +203,7 @@ def transfer_elastic_slip(
     # in: what steers the step
     world_nodes: int,
     control: wp.array2d(dtype=wp.float64),
-    # in: [world] whether its pairs have just been searched; others stand in the order before
+    # in: [segment] see `mark_searched`; pairs of others stand in the order before
     searched: wp.array(dtype=wp.int32),
     # in: the pairs before
     old_start: wp.array(dtype=wp.int32),
@@ -217,29 +218,47 @@ def transfer_elastic_slip(
     pair_count_of: wp.array(dtype=wp.int32),
     pair_second: wp.array(dtype=wp.int32),
     pair_shift: wp.array(dtype=wp.vec3d),
-    # out
+    # out: in the half that the next step writes, so that the list before may have the same arrays
     slip_step: wp.array2d(dtype=wp.int32),
     slip_place: wp.array2d(dtype=wp.vec2d),
     elastic_slip: wp.array2d(dtype=wp.vec3d),
 ):
-    """Copy elastic slips from the old pair list to the new one; a thread a segment. A pair has two contacts."""
+    """Copy elastic slips of the pairs before to the present ones; a thread a segment. A pair has two contacts."""
     i = wp.tid()
     half = int(control[i / world_nodes, STEP]) % 2
     for pair in range(pair_start[i], pair_start[i] + pair_count_of[i]):
         for k in range(2 * pair, 2 * pair + 2):
-            slip_step[0, k] = -1
-            slip_step[1, k] = -1
-        begin = old_start[i]
-        end = begin + old_count_of[i]
-        if searched[i / world_nodes] == 0:
-            begin += pair - pair_start[i]
-            end = begin + 1
-        for old in range(begin, end):
-            if old_second[old] == pair_second[pair] and wp.length(old_shift[old] - pair_shift[pair]) == wp.float64(0.0):
-                for a in range(2):
-                    slip_step[half, 2 * pair + a] = old_slip_step[half, 2 * old + a]
-                    slip_place[half, 2 * pair + a] = old_slip_place[half, 2 * old + a]
-                    elastic_slip[half, 2 * pair + a] = old_elastic_slip[half, 2 * old + a]
+            slip_step[1 - half, k] = -1
+        old = old_start[i] + pair - pair_start[i]
+        if searched[i] != NOT_SEARCHED:
+            old = old_pair(i, pair_second[pair], pair_shift[pair], old_start, old_count_of, old_second, old_shift)
+        if old >= 0:
+            for a in range(2):
+                slip_step[1 - half, 2 * pair + a] = old_slip_step[half, 2 * old + a]
+                slip_place[1 - half, 2 * pair + a] = old_slip_place[half, 2 * old + a]
+                elastic_slip[1 - half, 2 * pair + a] = old_elastic_slip[half, 2 * old + a]
+
+
+@wp.kernel
+def take_elastic_slip(
+    # in
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
+    pair_start: wp.array(dtype=wp.int32),
+    pair_count_of: wp.array(dtype=wp.int32),
+    # in and out
+    slip_step: wp.array2d(dtype=wp.int32),
+    slip_place: wp.array2d(dtype=wp.vec2d),
+    elastic_slip: wp.array2d(dtype=wp.vec3d),
+):
+    """Move what `transfer_elastic_slip` has found to the half that the next step reads; a thread a segment."""
+    i = wp.tid()
+    half = int(control[i / world_nodes, STEP]) % 2
+    for k in range(2 * pair_start[i], 2 * (pair_start[i] + pair_count_of[i])):
+        slip_step[half, k] = slip_step[1 - half, k]
+        slip_place[half, k] = slip_place[1 - half, k]
+        elastic_slip[half, k] = elastic_slip[1 - half, k]
+        slip_step[1 - half, k] = -1
 
 
 @wp.func

@@ -6,6 +6,9 @@ the order of their second segments. Both begin as marks, 1 where the pair is nea
 
 import warp as wp
 
+from .wire_pairs import SEARCHED, SEARCHED_ANEW
+from .wire_travel import travel_of_pair
+
 
 @wp.func
 def before(counts: wp.array(dtype=wp.int32), k: int) -> int:
@@ -54,13 +57,13 @@ def count_by_second(
     pair_second: wp.array(dtype=wp.int32),
     # in and out: [segment]
     count: wp.array(dtype=wp.int32),
-    # out
-    pair_number: wp.array(dtype=wp.int32),
+    # out: the pairs in their own order
+    by_second: wp.array(dtype=wp.int32),
 ):
     pair = wp.tid()
     if pair >= pair_count[0]:
         return
-    pair_number[pair] = pair
+    by_second[pair] = pair
     wp.atomic_add(count, pair_second[pair], 1)
 
 
@@ -142,14 +145,35 @@ def find_near_starts(
     touch_second_start[i] = before(near_by_second, second)
 
 
+@wp.func
+def old_pair(
+    i: int,
+    j: int,
+    shift: wp.vec3d,
+    old_start: wp.array(dtype=wp.int32),
+    old_count_of: wp.array(dtype=wp.int32),
+    old_second: wp.array(dtype=wp.int32),
+    old_shift: wp.array(dtype=wp.vec3d),
+) -> int:
+    """Number of a pair of segments and image in the list before; -1 where it was not in there."""
+    for old in range(old_start[i], old_start[i] + old_count_of[i]):
+        if old_second[old] == j and wp.length(old_shift[old] - shift) == wp.float64(0.0):
+            return old
+    return -1
+
+
 @wp.kernel
 def carry_pairs(
-    # in: [world] whether its pairs have just been searched
-    searched: wp.array(dtype=wp.int32),
+    # in: what steers the step; [m] travel of blocks
     world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
+    node_block: wp.array(dtype=wp.int32),
+    block_travel: wp.array(dtype=wp.float64),
+    # in: [segment] see `mark_searched`
+    searched: wp.array(dtype=wp.int32),
     # in: the list before
     old_start: wp.array(dtype=wp.int32),
-    old_first: wp.array(dtype=wp.int32),
+    old_count_of: wp.array(dtype=wp.int32),
     old_second: wp.array(dtype=wp.int32),
     old_shift: wp.array(dtype=wp.vec3d),
     old_arc_separation: wp.array(dtype=wp.float64),
@@ -161,10 +185,11 @@ def carry_pairs(
     # in: where the pairs of each segment begin now, and how many they are
     pair_start: wp.array(dtype=wp.int32),
     pair_count_of: wp.array(dtype=wp.int32),
-    # out
-    pair_first: wp.array(dtype=wp.int32),
+    # in and out: as the search has found them
     pair_second: wp.array(dtype=wp.int32),
     pair_shift: wp.array(dtype=wp.vec3d),
+    # out
+    pair_first: wp.array(dtype=wp.int32),
     pair_arc_separation: wp.array(dtype=wp.float64),
     pair_wake_travel: wp.array(dtype=wp.float64),
     pair_renewal_travel: wp.array(dtype=wp.float64),
@@ -172,20 +197,26 @@ def carry_pairs(
     pair_is_near: wp.array(dtype=wp.int32),
     pair_place: wp.array(dtype=wp.vec2d),
 ):
-    """A thread a segment: the pairs of worlds that were not searched go over into the new list as they are."""
+    """A thread a segment: what is known of its pairs goes over into the new list, unless it was searched anew; of pairs that the
+    search has found, the travel until they may touch begins now.
+    """
     i = wp.tid()
-    if searched[i / world_nodes] != 0:
+    if searched[i] == SEARCHED_ANEW:
         return
     for n in range(pair_count_of[i]):
         k = pair_start[i] + n
         old = old_start[i] + n
-        pair_first[k] = old_first[old]
-        pair_second[k] = old_second[old]
-        pair_shift[k] = old_shift[old]
-        pair_arc_separation[k] = old_arc_separation[old]
-        pair_wake_travel[k] = old_wake_travel[old]
-        pair_renewal_travel[k] = old_renewal_travel[old]
-        pair_found[k] = old_found[old]
-        pair_is_near[k] = old_is_near[old]
-        for a in range(3):
-            pair_place[3 * k + a] = old_place[3 * old + a]
+        if searched[i] == SEARCHED:
+            pair_wake_travel[k] += travel_of_pair(i, pair_second[k], node_block, block_travel, control[i / world_nodes])
+            old = old_pair(i, pair_second[k], pair_shift[k], old_start, old_count_of, old_second, old_shift)
+        if old >= 0:
+            pair_first[k] = i
+            pair_second[k] = old_second[old]
+            pair_shift[k] = old_shift[old]
+            pair_arc_separation[k] = old_arc_separation[old]
+            pair_wake_travel[k] = old_wake_travel[old]
+            pair_renewal_travel[k] = old_renewal_travel[old]
+            pair_found[k] = old_found[old]
+            pair_is_near[k] = old_is_near[old]
+            for a in range(3):
+                pair_place[3 * k + a] = old_place[3 * old + a]

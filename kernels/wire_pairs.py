@@ -14,12 +14,15 @@ from typing import Any
 import warp as wp
 
 from .banded_mass import CLAMPED
-from .control import GRADIENT, LENGTH_FACTOR
+from .control import GRADIENT, LENGTH_FACTOR, LEVER
 from .rod_frames import affine_map
 from .wire_curve import CLOSING_RATE, Bump, closest_on_chords, curve_distance, curve_of_segment, row, sag, stencil
 
 KEPT = wp.constant(8)  # segments found by the count of pairs that are kept for the filling of the list
 LEVELS = wp.constant(1024.0)  # of a cell, to which places across the mesh are rounded
+# of a segment in a search: keeps its pairs, is searched and keeps what is known of its pairs, is searched anew
+NOT_SEARCHED, SEARCHED, SEARCHED_ANEW = wp.constant(0), wp.constant(1), wp.constant(2)
+ROUND_OFF = wp.constant(wp.float64(2.0e-7))  # of displacements in single precision
 NO_COMMON_WIRE = wp.constant(wp.float64(1.0e30))  # [m] arc separation of segments of different wires
 
 
@@ -155,6 +158,88 @@ def place_segments_in_hash(
 
 
 @wp.kernel
+def find_motion_since_search(
+    # in: present state
+    world_nodes: int,
+    control: wp.array2d(dtype=wp.float64),
+    displacement: wp.array(dtype=wp.vec3d),
+    director: wp.array(dtype=Any),
+    # in: place and director in the last search of the segments that each node shapes
+    searched_place: wp.array(dtype=wp.vec3),
+    searched_director: wp.array(dtype=wp.vec3),
+    # out: [m] bound on the motion of a node, and of the curve that turns with the section behind it
+    motion: wp.array(dtype=wp.float32),
+):
+    """A thread a node."""
+    i = wp.tid()
+    place = displacement[i]
+    moved = wp.length(place - wp.vec3d(searched_place[i])) + ROUND_OFF * wp.length(place)
+    turned = wp.float64(2.0) * control[i / world_nodes, LEVER] * wp.length(wp.vec3d(director[i]) - wp.vec3d(searched_director[i]))
+    motion[i] = wp.float32(wp.sqrt(moved * moved + turned * turned))
+
+
+@wp.kernel
+def mark_searched(
+    # how
+    first_segment: int,
+    grid: wp.uint64,
+    round_off: float,
+    cell: wp.vec3,
+    tile: wp.vec3d,
+    # in: of each world; [m] nodes that have moved farther are searched around, all if below 0
+    moved_limit: wp.array(dtype=wp.float32),
+    largest_distance: wp.array(dtype=wp.float32),
+    rest_scale: wp.array(dtype=wp.float32),
+    longest_reach: wp.array(dtype=wp.float32),
+    # in: wires
+    previous: wp.array(dtype=wp.int32),
+    following: wp.array(dtype=wp.int32),
+    # in: state
+    world_nodes: int,
+    place: wp.array(dtype=wp.vec3),
+    reach: wp.array(dtype=wp.float32),
+    motion: wp.array(dtype=wp.float32),
+    displacement: wp.array(dtype=wp.vec3d),
+    director: wp.array(dtype=Any),
+    # out: places and directors of nodes that are searched around
+    searched_place: wp.array(dtype=wp.vec3),
+    searched_director: wp.array(dtype=wp.vec3),
+    # out: NOT_SEARCHED before
+    searched: wp.array(dtype=wp.int32),
+):
+    """Mark the segments to search: those that a node shapes that has moved, and those near them with a smaller number, which
+    keep the pairs. A thread a segment, from `first_segment` on; arguments as of `find_segment_pairs`.
+    """
+    i = first_segment + wp.tid()
+    world = i / world_nodes
+    limit = moved_limit[world]
+    after = wp.where(following[i] >= 0, following[i], i)
+    behind = wp.where(following[after] >= 0, following[after], after)
+    before = wp.where(previous[i] >= 0, previous[i], i)
+    if motion[i] > limit:
+        searched_place[i] = wp.vec3(displacement[i])
+        searched_director[i] = wp.vec3(wp.vec3d(director[i]))
+    if limit < 0.0:
+        searched[i] = SEARCHED_ANEW
+        return
+    if wp.max(wp.max(motion[before], motion[i]), wp.max(motion[after], motion[behind])) <= limit:
+        return
+    searched[i] = SEARCHED
+    if reach[i] < 0.0:
+        return
+    scale = rest_scale[world]
+    tile_size = wp.vec3(float(tile[0]), float(tile[1]), float(tile[2]))
+    farthest = scale * (reach[i] + longest_reach[world] + largest_distance[world] + round_off)
+    query = wp.hash_grid_query(grid, place[i], farthest / wp.min(cell[0], wp.min(cell[1], cell[2])))
+    j = int(0)
+    while wp.hash_grid_query_next(query, j):
+        if j < i and j / world_nodes == world and reach[j] >= 0.0:
+            both = scale * (reach[i] + reach[j] + largest_distance[world] + round_off)
+            if nearest_image_square(place[j] - place[i], cell, tile_size) <= both * both:
+                searched[j] = SEARCHED
+
+
+@wp.kernel
 def find_segment_pairs(
     # how
     first_segment: int,
@@ -165,7 +250,7 @@ def find_segment_pairs(
     min_arc_separation: wp.float64,
     tile: wp.vec3d,
     is_filling: int,
-    # in: of each world
+    # in: [segment] see `mark_searched`; of each world
     searched: wp.array(dtype=wp.int32),
     largest_distance: wp.array(dtype=wp.float32),
     rest_scale: wp.array(dtype=wp.float32),
@@ -195,7 +280,7 @@ def find_segment_pairs(
     length: wp.array(dtype=wp.float64),
     tangent: wp.array(dtype=Any),
     director: wp.array(dtype=Any),
-    # in: of worlds that are not searched, the number of pairs of each segment in the previous list; where the pairs of each begin
+    # in: of segments that are not searched, the number of pairs in the previous list; where the pairs of each begin
     old_count: wp.array(dtype=wp.int32),
     pair_start: wp.array(dtype=wp.int32),
     # in and out: how many other segments form pairs with each, and the first KEPT of them
@@ -213,7 +298,7 @@ def find_segment_pairs(
     one wire their arc separation is at least `min_arc_separation` radii. Rest lengths are at most `rest_scale` times present
     ones; wires touch or are listed at most `largest_distance` [m] from each other, both [world]; single precision moves places by
     at most `round_off` [m]. The list is filled from the segments that the count has kept, or by the hash again if there were too
-    many. Worlds that are not `searched` keep their pairs.
+    many. Segments that are not `searched` keep their pairs.
 
     `pair_shift` [m] at rest moves the second segment next to the first; `pair_arc_separation` [m] is `arc_separation`;
     `pair_wake_travel` [m] is the travel since this search at which the pair may touch.
@@ -221,8 +306,8 @@ def find_segment_pairs(
     i = first_segment + wp.tid()
     world = i / world_nodes
     if is_filling == 0:
-        pair_count_of[i] = wp.where(searched[world] != 0, 0, old_count[i])
-    if searched[world] == 0:
+        pair_count_of[i] = wp.where(searched[i] != NOT_SEARCHED, 0, old_count[i])
+    if searched[i] == NOT_SEARCHED:
         return
     own = control[world]
     scale = rest_scale[world]

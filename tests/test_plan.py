@@ -267,7 +267,7 @@ def test_memory_per_node_covers_the_arrays(precision, share):
     simulation.mechanics.neighbours.search()
     reading = read(built, state)
     total = array_bytes([built, state, simulation, reading], set())
-    assert total / built.panel.node_count / MEMORY_PER_NODE["planar", precision] == pytest.approx(share, abs=0.1)
+    assert total / built.panel.node_count / MEMORY_PER_NODE["planar", precision][0] == pytest.approx(share, abs=0.1)
 
 
 def array_bytes(thing, seen):

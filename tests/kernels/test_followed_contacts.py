@@ -58,7 +58,7 @@ def found(contact: WireContact, status: float, *, follows: bool) -> dict[str, np
     for name in of_touch[3:]:
         store(getattr(touch, name), UNWRITTEN)
     for name in SLIP if contact.friction > 0.0 else ():
-        store(getattr(pairs, name)[half], UNWRITTEN)
+        store(getattr(contact.slips, name)[half], UNWRITTEN)
     for launch in contact.launches():
         if follows or launch.kernel.key != "find_followed_contacts":
             launch.run("cpu")
@@ -69,7 +69,7 @@ def found(contact: WireContact, status: float, *, follows: bool) -> dict[str, np
     one = {name: values[name].reshape(pairs.capacity, -1)[near] for name in PAIR}
     one |= {name: fetch(getattr(touch, name)).copy().reshape(touch.capacity, -1)[: len(near)] for name in of_touch}
     if contact.friction > 0.0:
-        one |= {name: fetch(getattr(pairs, name))[half].reshape(pairs.capacity, -1)[near] for name in SLIP}
+        one |= {name: fetch(getattr(contact.slips, name))[half].reshape(contact.slips.capacity, -1)[near] for name in SLIP}
     return one | {"followed": fetch(touch.touch_followed)[: len(near)].copy()}
 
 

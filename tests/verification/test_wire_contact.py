@@ -6,6 +6,9 @@ import pytest
 from reference.rods import SECTION, energy, residual_of
 from reference.touching import STIFFNESS, advance, line, plies, touching
 from warpknit.base.errors import OutOfResources
+from warpknit.compute.host import fetch, store
+from warpknit.kernels.wire_curve import CLOSING_RATE
+from warpknit.kernels.wire_pairs import SEARCHED
 from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, rods_of
@@ -100,6 +103,45 @@ def test_every_contact_is_found() -> None:
                 # neighbours on one wire do not count; those who do are all far along it, in this tangle
                 if i < j and wire[i] != wire[j]:
                     assert (int(i), int(j), a, b) in found
+
+
+def keys_of(contact: WireContact) -> np.ndarray:
+    """(pair, 5) segments and shift of the pairs in the list."""
+    pairs, count = contact.pairs, contact.pair_count
+    first, second, shift = (fetch(x)[:count] for x in (pairs.pair_first, pairs.pair_second, pairs.pair_shift))
+    return np.column_stack([first, second, np.rint(shift)])
+
+
+def test_a_search_around_moved_nodes_finds_all_pairs() -> None:
+    """Some nodes move in each of several rounds. Pairs that may touch before the next search are then those of a new search; what
+    is known of pairs is kept."""
+    rods = tangle(5, 30, 60)
+    stepper = RodStepper(rods)
+    contact = WireContact(stepper, STIFFNESS, friction=0.2)  # whose list before is kept
+    contact.search()
+    search, rows, rng = contact._search, np.array([0]), np.random.default_rng(2)
+    shares, new = [], 0
+    for _ in range(12):
+        before = keys_of(contact)
+        move = np.zeros((rods.node_count, 3))
+        some = rng.integers(0, rods.node_count - 20) + np.arange(20)
+        move[some] = 0.9 * search.allowed * rng.standard_normal((1, 3))
+        store(stepper.state.displacement, fetch(stepper.state.displacement) + move)
+        contact.refresh(float(np.linalg.norm(move, axis=1).max()))
+        shares.append((fetch(search.searched) == int(SEARCHED)).mean())
+        now, left = {tuple(key) for key in keys_of(contact)}, contact.cells.margin - float(CLOSING_RATE) * search.motion(rows)[0]
+        new += len(now - {tuple(key) for key in before})
+        beside = RodStepper(rods)
+        store(beside.state.displacement, fetch(stepper.state.displacement))
+        other = WireContact(beside, STIFFNESS, cells=contact.cells)
+        other.search()
+        gap = float(CLOSING_RATE) * fetch(other.pairs.pair_wake_travel)[: other.pair_count]
+        may_touch = {tuple(key) for key in keys_of(other)[gap < left]}
+        assert len(may_touch) > 100
+        assert may_touch <= now
+        assert np.all(np.diff(keys_of(contact)[:, 0]) >= 0)
+    assert 0.0 < max(shares) < 0.5
+    assert new > 0
 
 
 def test_a_list_that_memory_has_no_room_for_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,20 +11,21 @@ from ..base.text import memory
 from ..scene import Scene
 
 LIBRARY_MEMORY = 512 * 2**20  # [bytes] of address space reserved for libraries: threads, compiler, USD
-# peak bytes of a run on the CPU, by model.kind and solver.precision; spatial: with its list of segment pairs, twice as much of a
-# tight knit
+# peak bytes of a run on the CPU, and what friction between wires adds: slips and a second list of pairs; by model.kind and
+# solver.precision; spatial: of a tight knit
 MEMORY_PER_NODE = {
-    ("planar", "single"): 420,
-    ("planar", "double"): 520,
-    ("spatial", "single"): 2_300,
-    ("spatial", "double"): 2_500,
+    ("planar", "single"): (420, 0),
+    ("planar", "double"): (520, 0),
+    ("spatial", "single"): (1_750, 530),
+    ("spatial", "double"): (1_970, 530),
 }
 USD_MEMORY_PER_NODE = 60  # bytes, of the process that writes scene.usda and its frame
 
 
 def required_memory(scene: Scene, nodes: int) -> int:
     """Bytes for a mesh of this many nodes, bodies included."""
-    wire = MEMORY_PER_NODE[scene.model.kind, scene.solver.precision]
+    wire, friction = MEMORY_PER_NODE[scene.model.kind, scene.solver.precision]
+    wire += friction * (scene.contact.friction > 0.0)
     return (wire + USD_MEMORY_PER_NODE * scene.output.usd) * nodes
 
 

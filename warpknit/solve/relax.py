@@ -136,6 +136,7 @@ class Relaxation(Drive):
                     continue
             else:
                 yield step
+            del step  # the fields of a record are as large as the state
             step = next(records, None)
 
     def all_records(self, *, ends_only: bool = False) -> Generator[Record | Unsolved, None, None]:

@@ -8,11 +8,14 @@ import numpy as np
 import warp as wp
 
 from ..compute.arrays import Precision, array, new_arrays
-from ..compute.host import is_in_place, shared
+from ..compute.host import fetch, is_in_place, shared, store
 from ..kernels.wire_closest import PLACES
 from ..kernels.wire_curve import Bump
 from .rest_curve import RestCurve
 from .rods import Rods
+
+SLIPS = 2  # elastic slips of a pair: one for each minimum of the distance
+SLIP_ARRAYS = ("slip_step", "slip_place", "elastic_slip")
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,36 @@ class TouchArrays:
             values |= {"touch_awake": every, "touch_left": every, "touch_found": every}
             values |= dict.fromkeys(("touch_count", "touch_awake_count", "touch_left_count", "touch_found_count"), count)
         return new_arrays(TouchArrays, device, counts, values, precision)
+
+
+@dataclass(frozen=True)
+class SlipArrays:
+    """Elastic slips of listed pairs, two contacts each; double-buffered by the parity of the step."""
+
+    capacity: int  # pairs
+    slip_step: wp.array = array(wp.int32, "slip")  # that the slip is for; -1 where there is none
+    slip_place: wp.array = array(wp.vec2d, "slip")
+    elastic_slip: wp.array = array(wp.vec3d, "slip")  # [m]
+
+    @staticmethod
+    def of(capacity: int, device: str) -> SlipArrays:
+        """No slips, of up to `capacity` pairs."""
+        slips = new_arrays(SlipArrays, device, {"slip": (2, SLIPS * capacity)}, {"capacity": capacity})  # type: ignore[dict-item]
+        store(slips.slip_step, -1)
+        return slips
+
+    def state_dict(self, begin: int, end: int) -> dict[str, np.ndarray]:
+        """Arrays of pairs `begin` to `end` for a checkpoint."""
+        return {name: fetch(getattr(self, name))[:, SLIPS * begin : SLIPS * end].copy() for name in SLIP_ARRAYS}
+
+    def load_state_dict(self, kept: dict[str, np.ndarray], others: SlipArrays, begin: int, end: int) -> None:
+        """Restore what `state_dict` returned, in place of these pairs of `others`."""
+        for name in SLIP_ARRAYS:
+            values, other = fetch(getattr(self, name)).copy(), fetch(getattr(others, name))
+            parts = other[:, : SLIPS * begin], kept[name], other[:, SLIPS * end :]
+            new = np.concatenate(parts, axis=1)[:, : values.shape[1]]
+            values[:, : new.shape[1]] = new
+            store(getattr(self, name), values)
 
 
 def take_turns(one: tuple[int, ...], other: tuple[int, ...]) -> bool:

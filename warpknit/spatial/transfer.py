@@ -24,7 +24,7 @@ import numpy as np
 import warp as wp
 from scipy.spatial import cKDTree
 
-from ..compute.host import fetch, store, take
+from ..compute.host import fetch, store, store_at, take
 from ..compute.launch import bind
 from ..kernels.membrane_transfer import gather_forces, respond_to_strain
 from ..kernels.resample import resample_along_wires
@@ -35,6 +35,7 @@ from ..mechanics.numerics import MAX_OVERLAP
 from ..mechanics.prolongation import RepeatProlongation
 from ..mechanics.response import Response
 from .clamps import Edge, Surface
+from .contact_arrays import SLIP_ARRAYS, SLIPS
 from .model import SpatialModel
 from .wire_contact import WireContact
 
@@ -46,7 +47,6 @@ CHANGED = ("displacement", "tangent", "director", "angle", "tension_offset", "co
 MOTION = ("velocity", "spin", "pending_turn")
 STIFFNESSES = ("stretch", "penalty", "raised")  # of segments, and of contacts at nodes; not fields, as they only grow
 MAX_SHIFT = 0.25  # of the thickness: by which a correction moves a loop against its neighbour, so that no wire passes another
-SLIPS = 2  # elastic slips of a pair: one for each minimum
 LEAST_LIFT = 1.0  # thicknesses: over a panel, changes strains and contacts by far less than any tolerance
 
 
@@ -276,9 +276,9 @@ class Prolongation(RepeatProlongation):
 
 def elastic_slips(contact: WireContact) -> tuple[np.ndarray, np.ndarray]:
     """Places of the contacts of a single world, see `_at_rest`; their elastic slips (contact, 3) [m]."""
-    step, pairs = int(contact.stepper.steering.step[0]), contact.pairs
-    which = np.flatnonzero(fetch(pairs.slip_step)[step % 2, : SLIPS * contact.pair_count] == step)
-    place, slip = (fetch(x)[step % 2, which] for x in (pairs.slip_place, pairs.elastic_slip))
+    step, slips = int(contact.stepper.steering.step[0]), contact.slips
+    which = np.flatnonzero(fetch(slips.slip_step)[step % 2, : SLIPS * contact.pair_count] == step)
+    place, slip = (fetch(x)[step % 2, which] for x in (slips.slip_place, slips.elastic_slip))
     return _at_rest(contact, which // SLIPS, place), slip.copy()
 
 
@@ -301,12 +301,10 @@ def take_elastic_slips(contact: WireContact, at_rest: np.ndarray, slip: np.ndarr
     distance, nearest = cKDTree(known, boxsize=size).query(own, distance_upper_bound=segment)
     is_known = np.isfinite(distance)
     which = (SLIPS * pair + slot)[is_known]
-    numbers, places, slips = (fetch(x).copy() for x in (pairs.slip_step, pairs.slip_place, pairs.elastic_slip))
-    numbers[:] = -1
-    numbers[step % 2, which] = step
-    places[step % 2, which], slips[step % 2, which] = place[is_known], np.concatenate([slip, -slip])[nearest[is_known]]
-    for array, values in ((pairs.slip_step, numbers), (pairs.slip_place, places), (pairs.elastic_slip, slips)):
-        store(array, values)
+    values = step, place[is_known], np.concatenate([slip, -slip])[nearest[is_known]]
+    store(contact.slips.slip_step, -1)
+    for name, known_values in zip(SLIP_ARRAYS, values, strict=True):
+        store_at(getattr(contact.slips, name), (step % 2, which), known_values)
     contact.begin_increment(np.array([0]))
 
 

@@ -30,15 +30,15 @@ from ..kernels.wire_closest import (
 from ..kernels.wire_contact_by_batch import QUAD, QUADS_A_BLOCK, find_followed_contacts
 from ..kernels.wire_contact_forces import find_contact_forces
 from ..kernels.wire_curve import CLOSING_RATE
-from ..kernels.wire_friction import transfer_elastic_slip
+from ..kernels.wire_friction import take_elastic_slip, transfer_elastic_slip
 from ..kernels.wire_near import carry_pairs, find_near_starts, list_near_pairs
-from .contact_arrays import Contacts, TouchArrays, WireArrays, take_turns
-from .pair_search import MIN_ARC_SEPARATION, PairList, PairSearch, SearchCells, search_cells
+from .contact_arrays import SLIPS, Contacts, SlipArrays, TouchArrays, WireArrays, take_turns
+from .pair_search import DUE, MIN_ARC_SEPARATION, PairList, PairSearch, SearchCells, search_cells
 from .rest_curve import RestCurve, catmull_rom
 from .rod_step import RodStepper
 
 # memory of one pair, its elastic slips, and of a pair that may touch
-PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2 + 1) + 4 * 7, 2 * 2 * (8 * (3 + 2) + 4)
+PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2) + 4 * 11, 2 * SLIPS * (8 * (3 + 2) + 4)
 TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (3 + 2 * 3)) + 4 * 7
 STICK_SHARE = 0.5  # tangential over normal stiffness
 CACHE_LINE = 8  # numbers
@@ -46,7 +46,7 @@ PAIRS_A_THREAD = 8  # of a list that a GPU filters for pairs not asleep
 LEAST_THREADS = 32_768  # fewer pairs on a GPU take a thread each
 NEXT_TRAVEL = 0.1  # of the thickness, most travel before near pairs are listed again
 LEAST_READ = 4096  # pairs whose contacts are read at once, at least
-CAPACITY_MARGIN = 1.3  # of a list over the pairs found
+CAPACITY_MARGIN = 1.1  # of a list over the pairs found
 PAIRS_A_NODE, SMALL_LIST = 2, 20_000  # capacity of a new list, at most: to record launches again takes longer than small steps
 
 
@@ -90,19 +90,21 @@ class WireContact:
             "thickest": wp.float64(max(2.0 * rods.radius_beside, float(rods.of_wires("thickness").max()))),
         }
         stepper.steering.set(weight_square=curve.weight_square, lever=curve.lever)
-        self._recorded: dict[tuple[int, int], Callable[..., None]] = {}  # launches of checks, by version
+        self._recorded: dict[tuple[int, ...], Callable[..., None]] = {}  # launches of checks, by version
         blocks = len(stepper.arrays.block_first)
         self._segment_stress, self._contact_stress = (zeros(blocks, wp.vec4d, device) for _ in range(2))
         self._partial = zeros((blocks, int(k.CONTACT_COLUMNS)), wp.float64, device)
         # [m] of each world, or each thread of a single one, CACHE_LINE numbers apart, since the last `pop_max_penetration`
         self.max_penetration = zeros((max(stepper.team.threads, worlds), CACHE_LINE), wp.float64, device)
         self._travel = np.full(worlds, NEXT_TRAVEL * rods.section.thickness)  # [world] [m] until near pairs are listed again
-        self._search_travel = np.full(worlds, -1.0)  # [world] [m] until the next search
         least = min(PAIRS_A_NODE * rods.node_count, SMALL_LIST)
         self.touch = self._new_touch(least)
         self.pairs = self._new_list(least, 0)
-        # the list before, for its elastic slips and for worlds that are not searched
+        # the list before, for its elastic slips and for segments that are not searched
         self._has_two_lists = self.friction > 0.0 or worlds > 1
+        self.slips = self._other_slips = SlipArrays.of(least if self.friction > 0.0 else 0, device)
+        if self.friction > 0.0 and worlds > 1:  # whose steps differ by odd numbers
+            self._other_slips = SlipArrays.of(least, device)
         self._other = self._new_list(least, 1) if self._has_two_lists else self.pairs
         now = {f"before_{name}": getattr(stepper.state, name) for name in BEFORE}
         self._before = SimpleNamespace(**{name: wp.clone(x) if self.friction > 0.0 else x for name, x in now.items()})
@@ -111,9 +113,9 @@ class WireContact:
         stepper.contact = self
 
     @property
-    def version(self) -> tuple[int, int]:
+    def version(self) -> tuple[int, int, int]:
         """The arrays that the launches use; recorded launches are reused for the same version."""
-        return (self.pairs.number, self.touch.capacity)
+        return (self.pairs.number, self.touch.capacity, self.slips.capacity)
 
     @property
     def pair_count(self) -> int:
@@ -126,7 +128,7 @@ class WireContact:
         On a GPU they use lists of pairs: awake, to search, without forces.
         """
         pairs, touch = self.pairs, self.touch
-        sources = (self._wires, self.stepper.arrays, self.stepper.state, touch, pairs)
+        sources = (self._wires, self.stepper.arrays, self.stepper.state, touch, pairs, self.slips)
         share = self._share(part, parts)
         constants: dict[str, Any] = {
             "min_arc_separation": wp.float64(MIN_ARC_SEPARATION),
@@ -165,8 +167,7 @@ class WireContact:
         return {"first_node": nodes.start, "end_node": nodes.stop, "part": part, "parts": parts}
 
     def _new_list(self, capacity: int, number: int) -> PairList:
-        stepper = self.stepper
-        return PairList.of(capacity, stepper.rods.node_count, stepper.device, number, with_slip=self.friction > 0.0)
+        return PairList.of(capacity, self.stepper.rods.node_count, self.stepper.device, number)
 
     def _new_touch(self, capacity: int) -> TouchArrays:
         stepper = self.stepper
@@ -174,15 +175,27 @@ class WireContact:
         return TouchArrays.of(stepper.rods.node_count, stepper.device, stepper.precision, capacity, with_friction=has_friction)
 
     def search(self, rows: np.ndarray | None = None) -> None:
-        """Search all pairs of all worlds or `rows`; start a new travel budget. Raises `OutOfResources`."""
+        """Search all pairs of all worlds or `rows` anew. Raises `OutOfResources`."""
+        with self.stepper.only(rows) as own:
+            self.stepper.update_frames(own)
+            self._renew_pairs(own, np.full(len(own), -1.0))
+
+    def _renew_pairs(self, own: np.ndarray, limit: np.ndarray) -> None:
+        """Search worlds `own` around nodes that have moved by more than `limit` [row] [m].
+
+        All segments are searched anew where it is below 0.
+        """
         stepper, state = self.stepper, self.stepper.state
-        with stepper.only(rows) as own:
-            stepper.update_frames(own)
-            self._search.place(own)
+        with stepper.only(own):
+            anew = own[limit < 0.0]
+            stepper.steering.set(anew, travel=0.0, step_travel=0.0)
+            if state.block_travel.shape[0] > 1:
+                fetch(state.block_travel).reshape(stepper.worlds, -1)[anew] = 0.0
+            self._search.place(own, limit)
             before, pairs = self.pairs, self._other
             total = self._search.count(pairs, before)
             if total > pairs.capacity:
-                larger = self._new_list(self._capacity(total, PAIR_BYTES + SLIP_BYTES * (self.friction > 0.0)), pairs.number + 2)
+                larger = self._new_list(self._capacity(total, PAIR_BYTES), pairs.number + 2)
                 wp.copy(larger.pair_start, pairs.pair_start)
                 wp.copy(larger.pair_count_of, pairs.pair_count_of)
                 pairs = larger
@@ -190,25 +203,27 @@ class WireContact:
             self._search.find(pairs, before, filling=True)
             store(pairs.pair_found, int(NOT_NEAR))
             store(pairs.pair_renewal_travel, 0.0)  # nothing is known of these pairs yet
-            nodes, version = stepper.rods.node_count, (before.number, before.capacity)
-            old: dict[str, Any] = {f"old_{name.removeprefix('pair_')}": value for name, value in vars(before).items()}
+            slips_before, self.slips = self.slips, self._other_slips
+            if self.friction > 0.0 and total > self.slips.capacity:
+                self.slips = SlipArrays.of(self._capacity(total, SLIP_BYTES), stepper.device)
+            nodes, version = stepper.rods.node_count, (before.number, slips_before.capacity, self.slips.capacity)
+            of_before = vars(slips_before) | vars(before)
+            old: dict[str, Any] = {f"old_{name.removeprefix('pair_')}": value for name, value in of_before.items()}
+            old["searched"] = self._search.searched
 
             def go_over(kernel: wp.Kernel) -> list[Launch]:
                 known = {argument.label for argument in kernel.adj.args}
                 own = {name: value for name, value in old.items() if name in known}
-                return [bind(kernel, nodes, stepper.arrays, state, pairs, searched=self._search.searched, **own)]
+                return [bind(kernel, nodes, stepper.arrays, state, pairs, self.slips, **own)]
 
-            if len(own) < stepper.worlds:
+            if len(anew) < stepper.worlds:
                 pairs.replayed("carry", lambda: go_over(carry_pairs), version)
             if self.friction > 0.0:
-                pairs.replayed("slip", lambda: go_over(transfer_elastic_slip), version)
+                pairs.replayed("slip", lambda: go_over(transfer_elastic_slip) + go_over(take_elastic_slip), version)
             pairs.order(total)
             self.pairs, self._other = pairs, before if self._has_two_lists else pairs
-            self._search_travel[own] = self.cells.approach / float(CLOSING_RATE)
-            if state.block_travel.shape[0] > 1:
-                fetch(state.block_travel).reshape(stepper.worlds, -1)[own] = 0.0
-            reach = self._search.reach(pairs)[own] / float(CLOSING_RATE)
-            stepper.steering.set(own, travel=0.0, step_travel=0.0, pair_reach=reach)
+            self._other_slips = slips_before if stepper.worlds > 1 else self.slips
+            stepper.steering.set(own, pair_reach=self._search.reach(pairs)[own] / float(CLOSING_RATE))
             self.list_near_pairs(rows=own)
 
     def list_near_pairs(self, travel: Any = None, rows: np.ndarray | None = None) -> None:
@@ -224,16 +239,8 @@ class WireContact:
                 self._travel[own] = np.minimum(travel, NEXT_TRAVEL * stepper.rods.section.thickness)
             self._mark_near(float(CLOSING_RATE) * self._travel[own], own)
             self._take_near_pairs()
-            left = np.minimum(self._travel[own], self._search_travel[own] - self._moved(own))
+            left = np.minimum(self._travel[own], self._search.allowed - self._search.motion(own))
             stepper.steering.set(own, travel_limit=stepper.steering.travel[own] + left, status=Steering.RUNNING)
-
-    def _moved(self, rows: np.ndarray) -> np.ndarray:
-        """[row] [m] travel of the fastest block since the search; `travel` sums the fastest nodes of all blocks."""
-        steering, by_block = self.stepper.steering, fetch(self.stepper.state.block_travel)
-        if len(by_block) == 1:
-            return np.asarray(steering.travel[rows])
-        fastest = self.stepper.strip.ranks.largest(by_block.reshape(self.stepper.worlds, -1)[rows].max(axis=1))
-        return np.asarray((steering.travel - steering.step_travel)[rows] + np.minimum(fastest, steering.step_travel[rows]))
 
     def _mark_near(self, gap: Any, own: np.ndarray) -> None:
         """Mark the pairs within a gap [m] at present positions, without offsets."""
@@ -268,27 +275,32 @@ class WireContact:
         store(self.touch.touch_count, count)
 
     def refresh(self, moved: float | np.ndarray = 0.0, rows: np.ndarray | None = None) -> None:
-        """Search again where the travel is used up, else list near pairs again; moved [m]: of all or [row], outside of steps."""
+        """Search again where nodes have moved too far, else list near pairs again.
+
+        moved [m] or [row]: by which all may have moved, outside of steps.
+        """
         with self.stepper.only(rows) as own:
             self.stepper.steering.set(own, travel=self.stepper.steering.travel[own] + moved)
-            far = self._moved(own) > self._search_travel[own]
+            self.stepper.update_frames(own)
+            far = self._search.motion(own) > DUE * self._search.allowed
             if far.any():
-                self.search(own[far])
+                # meshes without friction have no list of the pairs before, unless they stand beside others
+                keeps = self.stepper.steering.friction[own[far]] > 0.0
+                self._renew_pairs(own[far], np.where(keeps, self._search.moved_limit(own[far]), -1.0))
             if not far.all():
-                self.stepper.update_frames(own[~far])
                 self.list_near_pairs(rows=own[~far])
 
     def state_dict(self, world: int = 0) -> dict[str, np.ndarray]:
         """Arrays of a world for a checkpoint: the pair list with its elastic slips."""
         near, (begin, end) = self.near_pairs(), self._pairs_of(world)
-        kept = self.pairs.state_dict(begin, end, self._nodes_of(world))
+        kept = self.pairs.state_dict(begin, end, self._nodes_of(world)) | self.slips.state_dict(begin, end)
         kept["pairs_near"] = near[(near >= begin) & (near < end)] - begin
         if self.friction > 0.0:
             kept |= {name: self.stepper.by_world(array)[world].copy() for name, array in vars(self._before).items()}
         if self._in_real_time:
             kept["slip_work"] = fetch(self.touch.touch_slip_work)[: PLACES * len(near)].copy()
-        of_world = (self._penetration(), self._travel, self._search_travel, self.dissipated)
-        return kept | {"contact": np.array([values[world] for values in of_world])}
+        of_world = (self._penetration(), self._travel, self.dissipated)
+        return kept | self._search.state_dict(world) | {"contact": np.array([values[world] for values in of_world])}
 
     def load_state_dict(self, kept: dict[str, np.ndarray], world: int = 0) -> None:
         """Restore what `state_dict` returned."""
@@ -298,13 +310,20 @@ class WireContact:
         near = np.concatenate([near[near < begin], kept["pairs_near"] + begin, near[near >= end] + change])
         pairs = self._new_list(max(self._capacity(self.pair_count + change, PAIR_BYTES), 1), self.pairs.number + 2)
         pairs.load_state_dict(kept, self.pairs, begin, end, self._nodes_of(world))
+        slips = self.slips
+        if self.friction > 0.0 and pairs.capacity > slips.capacity:
+            self.slips = SlipArrays.of(pairs.capacity, self.stepper.device)
+        if self.stepper.worlds == 1:
+            self._other_slips = self.slips
+        self.slips.load_state_dict(kept, slips, begin, end)
         self.pairs = pairs
         if not self._has_two_lists:
             self._other = pairs
         if self.friction > 0.0:
             for name, array in vars(self._before).items():
                 store(self.stepper.part(array, world), kept[name])
-        penetration, self._travel[world], self._search_travel[world], self.dissipated[world] = kept["contact"].tolist()
+        penetration, self._travel[world], self.dissipated[world] = kept["contact"].tolist()
+        self._search.load_state_dict(kept, world)
         store(self.stepper.part(self.max_penetration, world), penetration)
         store(self.touch.touch_slip_work, 0.0)
         self._take_near_pairs(near)
