@@ -44,7 +44,7 @@ MEMBRANE_TOLERANCE = 0.02  # rms stress out of balance over the tension
 class MultilevelRelaxation(Relaxation):
     """A relaxation with a smaller mesh, or one periodic repeat, that is solved first."""
 
-    KEPT = (*Relaxation.KEPT, "_correction", "_lift", "_stations", "_own", "_keeps_own")
+    KEPT = (*Relaxation.KEPT, "_correction", "_lift", "_stations", "_own", "_keeps_own", "_is_like_repeat")
 
     def __init__(
         self,
@@ -76,6 +76,7 @@ class MultilevelRelaxation(Relaxation):
         self._correction, self._lift = Aitken(), Aitken()
         self._own: Kept = {}  # load before this level started from the smaller mesh, to return to where it fails
         self._keeps_own = False  # levels of this load step start from the mesh's own state, as one failed from one repeat
+        self._is_like_repeat = False  # the mesh has started from one repeat: so it was loaded as that
 
     @property
     def rim(self) -> Rim | None:
@@ -218,6 +219,7 @@ class MultilevelRelaxation(Relaxation):
                 self._put_back()
                 self._keep_own(target.gradient)
             progress.is_prolonged = is_prolonged
+            self._is_like_repeat = is_prolonged
             self.mechanics.stop()
             self.mechanics.search()
             if target.tension is not None or self.mechanics.rim is not None or not progress.is_prolonged:
@@ -242,7 +244,7 @@ class MultilevelRelaxation(Relaxation):
         failed: (2, 2) deformation gradient of the start from the smaller mesh.
         """
         assert self.prolongation is not None
-        self._keeps_own = not self.prolongation.replaces
+        self._keeps_own, self._is_like_repeat = not self.prolongation.replaces, False
         note = "the mesh started from its own state, because a start from a smaller mesh would overlap its wires too deeply"
         self.mechanics.notes.append(f"at strains of {strain_text(failed)} {note}")
 
@@ -290,8 +292,9 @@ class MultilevelRelaxation(Relaxation):
         progress = self.progress
         # what was before counts: only a mesh that is like its repeat is moved by other than its load
         has_history = self.scene.depends_on_path or self.scene.knit.scatter > 0.0
-        is_unlike = has_history and self.mechanics.rim is not None and not (self.smaller and progress.is_prolonged)
-        progress.is_uncorrected = is_unlike or not (progress.is_prolonged or self._keeps_own)
+        is_like = progress.is_prolonged or (has_history and self._is_like_repeat)
+        is_unlike = has_history and self.mechanics.rim is not None and not (self.smaller and is_like)
+        progress.is_uncorrected = is_unlike or not (is_like or self._keeps_own)
         if self.membrane is not None and not progress.is_uncorrected:
             self.mechanics.group.let_rest()
         progress.ratio, progress.imbalance = UNKNOWN, UNKNOWN
