@@ -20,7 +20,6 @@ from warpknit.planar.observables import read
 from warpknit.planar.state import State, initial_state
 from warpknit.planar.transfer import state_variables
 from warpknit.scene import load_scene
-from warpknit.scene.new_scene import SceneRequest, scene_text
 from warpknit.solve.membrane import CORRECTION_STEPS, Correction
 from warpknit.solve.model import build_model, mechanics_of
 from warpknit.solve.multilevel import MEMBRANE_TOLERANCE, MultilevelRelaxation
@@ -66,19 +65,6 @@ def test_smaller_scene_keeps_the_parity_and_ends() -> None:
         assert all(np.all((np.array(larger) - less) % 2 == 0) for larger, less in itertools.pairwise(sizes))
         assert max(sizes[-1]) <= 13 and len(sizes) <= 5
     assert smaller_scene(replace(scene, knit=replace(scene.knit, repeats=(7, 6)))) is None
-
-
-def test_a_spatial_patch_with_friction_starts_from_one_repeat_with_its_friction() -> None:
-    """Also under a given tension. Planar and small patches follow the load from their own state."""
-    given = SceneRequest(knit="tricot", wales="26 /inch", courses="30 /inch", load="2 N/m")
-    scene = load_scene(scene_text(given, "x.toml"), ["model.boundary=gripped", "knit.repeats=[12, 12]", "contact.friction=0.2"])
-    found = smaller_scene(scene)
-    assert found is not None and found.model.boundary == "periodic"
-    assert (found.knit.repeats, found.contact.friction) == ((1, 1), 0.2)
-    assert found.stages[-1].tension_weft == scene.stages[-1].tension_weft
-    assert smaller_scene(replace(scene, knit=replace(scene.knit, repeats=(9, 9)))) is None
-    planar = load_scene(CELL, ["model.boundary=gripped", "knit.repeats=[40, 40]", "contact.friction=0.2"])
-    assert smaller_scene(planar) is None
 
 
 def test_periodic_mesh_starts_at_its_answer() -> None:

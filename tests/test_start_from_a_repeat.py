@@ -6,11 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpknit.measure.table import values
 from warpknit.mechanics.response import Response
 from warpknit.mesh.rim import LoadPoint
 from warpknit.scene import load_scene
-from warpknit.scene.new_scene import SceneRequest, scene_text
 from warpknit.solve.model import build_model
 from warpknit.solve.multilevel import STIFFER, MultilevelRelaxation
 from warpknit.solve.progress import Progress
@@ -186,25 +184,3 @@ def test_cords_of_a_facet_find_their_places_after_a_change_of_temperature():
     ends = [record for record in simulation.run() if record.load_factor == 1.0]
     stretched, cold = (simulation.drive.mesh_tension(record.observables) for record in ends[:2])
     assert len(ends) == 3 and np.all(cold > stretched)
-
-
-@pytest.mark.slow
-def test_a_patch_by_tension_may_start_from_its_repeat(monkeypatch: pytest.MonkeyPatch) -> None:
-    """At half the tension the repeat is strained more than the gripped patch. The patch returns: what is left of the detour at
-    the whole tension is a change of the strains below 1 %, of the share of active contacts below 2 points."""
-    given = SceneRequest(knit="tricot", wales="26 /inch", courses="30 /inch", load="2 N/m")
-    keys = ["model.boundary=gripped", "knit.repeats=[12, 12]", "contact.friction=0.2", "output.frames=2"]
-    model = build_model(load_scene(scene_text(given, "x.toml"), keys, "draft"), "cpu")
-
-    def ends() -> tuple[np.ndarray, float, int]:
-        simulation = Simulation(model)
-        *_, last = simulation.run()
-        share = values(last.observables, ["active_percent"])["active_percent"]
-        return np.diag(simulation.drive.state.gradient) - 1.0, share, last.steps
-
-    strain, share, steps = ends()
-    monkeypatch.setattr("warpknit.solve.simulate.smaller_scene", lambda _: None)
-    expected, share_expected, steps_expected = ends()
-    assert strain == pytest.approx(expected, rel=0.01)
-    assert share == pytest.approx(share_expected, abs=2.0)
-    assert steps < 0.7 * steps_expected

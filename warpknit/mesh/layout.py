@@ -107,21 +107,21 @@ def _smaller_side(repeats: int) -> int:
 def smaller_scene(scene: Scene) -> Scene | None:
     """Scene of the smaller mesh; None for small meshes, or where none is similar.
 
-    A mesh of another outline than a rectangle, on an edge that moves, or with friction starts from one repeat, whose change
-    fades out towards the clamps; with friction at its first load.
+    A mesh of another outline than a rectangle, or on an edge that moves, starts from one repeat, whose change fades out towards
+    the clamps. With friction it does so at its first load, unless a tension is given, at which the repeat may strain more.
     """
     repeats, is_gripped = scene.knit.repeats, scene.model.boundary == "gripped"
     if scene.hook is not None or scene.wires is not None or scene.knit.scatter or scene.wire.plastic:
         return None  # no repeat is like another, or what was before counts
-    if scene.depends_on_path and not (is_gripped and scene.model.of_kind.carries_friction):
+    is_facet = is_gripped and (scene.panel.outline != "rectangle" or scene.has_moving_edge)
+    carries = is_facet and scene.model.of_kind.carries_friction and not any(any(stage.by_tension) for stage in scene.stages)
+    if scene.depends_on_path and not carries:
         return None
-    if is_gripped and (scene.panel.outline != "rectangle" or scene.has_moving_edge):
+    if is_facet:
         return replace(one_repeat(scene), contact=scene.contact)
     smaller = (_smaller_side(repeats[0]), _smaller_side(repeats[1])) if is_gripped else (1, 1)
     if is_gripped and repeats[0] * repeats[1] < WORTH * smaller[0] * smaller[1]:
         return None
-    if scene.depends_on_path:
-        return replace(one_repeat(scene), contact=scene.contact)
     return None if smaller == repeats else of_repeats(scene, *smaller)
 
 
