@@ -8,7 +8,7 @@ A class names its variables in `KEPT`; a dataclass has all its fields saved. The
     objects                           walked in turn
 
 The first axis of an array counts worlds, or rows of one world after the other. A class whose variables are no arrays of fixed
-length has `state_dict(world)` and `load_state_dict(kept, world)` instead.
+length has `state_dict(world)`, which may return views, and `load_state_dict(kept, world)` instead.
 """
 
 from __future__ import annotations
@@ -71,7 +71,8 @@ def _save_variables(owner: Owner, prefix: str, kept: Kept, *, copied: bool) -> N
     if hasattr(variables, "arrays") and hasattr(variables, "restore"):
         kept.update({f"{prefix}{name}": value for name, value in variables.arrays(copied=copied).items()})
     elif not hasattr(variables, "KEPT") and hasattr(variables, "state_dict"):
-        kept.update({f"{prefix}{name}": value for name, value in variables.state_dict(world).items()})
+        own = variables.state_dict(world)
+        kept.update({f"{prefix}{name}": np.array(value) if copied else value for name, value in own.items()})
     else:
         for name in _names(variables):
             _save(getattr(variables, name), f"{prefix}{name}", owner, kept, copied=copied)

@@ -100,7 +100,7 @@ class SlipArrays:
 
     def state_dict(self, begin: int, end: int) -> dict[str, np.ndarray]:
         """Arrays of pairs `begin` to `end` for a checkpoint."""
-        return {name: fetch(getattr(self, name))[:, SLIPS * begin : SLIPS * end].copy() for name in SLIP_ARRAYS}
+        return {name: fetch(getattr(self, name))[:, SLIPS * begin : SLIPS * end] for name in SLIP_ARRAYS}
 
     def load_state_dict(self, kept: dict[str, np.ndarray], others: SlipArrays, begin: int, end: int) -> None:
         """Restore what `state_dict` returned, in place of these pairs of `others`."""

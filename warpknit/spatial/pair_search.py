@@ -148,10 +148,10 @@ class PairList:
 
     def state_dict(self, begin: int, end: int, nodes: slice) -> dict[str, np.ndarray]:
         """Arrays for a checkpoint of pairs `begin` to `end`, which belong to `nodes`."""
-        kept = {name: fetch(getattr(self, name))[_part(name, begin, end)].copy() for name in PAIR_ARRAYS}
+        kept = {name: fetch(getattr(self, name))[_part(name, begin, end)] for name in PAIR_ARRAYS}
         for name in ("pair_first", "pair_second"):
-            kept[name] -= nodes.start
-        return kept | {"pair_count_of": fetch(self.pair_count_of)[nodes].copy()}
+            kept[name] = kept[name] - nodes.start
+        return kept | {"pair_count_of": fetch(self.pair_count_of)[nodes]}
 
     def load_state_dict(self, kept: dict[str, np.ndarray], others: PairList, begin: int, end: int, nodes: slice) -> None:
         """Restore what `state_dict` returned, in place of these pairs of a list `others`; into a list of sufficient capacity."""
@@ -285,7 +285,7 @@ class PairSearch:
 
     def state_dict(self, world: int) -> Kept:
         """Arrays of a world for a checkpoint."""
-        place, director = (self.stepper.by_world(getattr(self._arrays, name))[world].copy() for name in SEARCHED_ARRAYS)
+        place, director = (self.stepper.by_world(getattr(self._arrays, name))[world] for name in SEARCHED_ARRAYS)
         at = np.append(self._gradient[world].ravel(), self._length_factor[world])
         return {"searched_place": place, "searched_director": director, "searched_load": at}
 

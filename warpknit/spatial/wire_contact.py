@@ -291,14 +291,14 @@ class WireContact:
                 self.list_near_pairs(rows=own[~far])
 
     def state_dict(self, world: int = 0) -> dict[str, np.ndarray]:
-        """Arrays of a world for a checkpoint: the pair list with its elastic slips."""
+        """Arrays of a world for a checkpoint, on a CPU views: the pair list with its elastic slips."""
         near, (begin, end) = self.near_pairs(), self._pairs_of(world)
         kept = self.pairs.state_dict(begin, end, self._nodes_of(world)) | self.slips.state_dict(begin, end)
         kept["pairs_near"] = near[(near >= begin) & (near < end)] - begin
         if self.friction > 0.0:
-            kept |= {name: self.stepper.by_world(array)[world].copy() for name, array in vars(self._before).items()}
+            kept |= {name: self.stepper.by_world(array)[world] for name, array in vars(self._before).items()}
         if self._in_real_time:
-            kept["slip_work"] = fetch(self.touch.touch_slip_work)[: PLACES * len(near)].copy()
+            kept["slip_work"] = fetch(self.touch.touch_slip_work)[: PLACES * len(near)]
         of_world = (self._penetration(), self._travel, self.dissipated)
         return kept | self._search.state_dict(world) | {"contact": np.array([values[world] for values in of_world])}
 
