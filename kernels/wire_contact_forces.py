@@ -214,6 +214,7 @@ def find_contact_forces(
         step = int(steer[STEP])
         is_accepting = steer[STATUS] == STATUS_ACCEPTING
         is_increment = steer[DRIVE] == zero
+        oldest = wp.where(is_increment, int(before[STEP]), step)
         has_more_p = following[following[i]] >= 0
         has_more_q = following[following[j]] >= 0
         last = wp.where(found == ONE_PLACE, 1, 3)
@@ -306,7 +307,7 @@ def find_contact_forces(
                     rate_p = surface_rate(i, s, velocity_p, previous, following, length, tangent, spin)
                     rate_q = surface_rate(j, t, velocity_q, previous, following, length, tangent, spin)
                     way = steer[TIME_STEP] * (slip_velocity + wp.cross(rate_p, lever_p) - wp.cross(rate_q, lever_q))
-                elastic = previous_slip(pair, i, j, place, step, previous, following, node_wire, node_radius, wire_period,
+                elastic = previous_slip(pair, i, j, place, step, oldest, previous, following, node_wire, node_radius, wire_period,
                                      pair_start, pair_count_of, pair_second, pair_shift,
                                      slip_step, slip_place, elastic_slip)  # fmt: skip
                 slip = elastic + way

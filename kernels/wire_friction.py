@@ -1,10 +1,11 @@
 """Motion of wires that touch: elastic slip of friction, places at the equilibrium before, velocities of the curves.
 
 Elastic slip is passed on from step to step, between neighbouring segments, and from one pair list to the next. In a relaxation it
-is that left at the equilibrium before, and no step changes it.
+is that left at the equilibrium before: no step changes it, and it outlasts an opening of the contact.
 
 A contact of step n writes n + 1, its place and its elastic slip into the half of the arrays that step n + 1 reads. There a
-contact takes the slip of the nearest contact of the step before, in its own pair or in a neighbouring one. The two halves
+contact takes the slip of the nearest entry, in its own pair or in a neighbouring one: in real time of those of the step before,
+in a relaxation of those since the equilibrium before, from which on both halves have them. The two halves
 alternate, so no entry is read while it is written. Pairs of the same segments differ in the periodic shift of the second; where a
 wire continues at its first node, the shift of a neighbouring pair differs by its period.
 """
@@ -76,6 +77,7 @@ def previous_slip(
     j: int,
     place: wp.vec2d,
     step: int,
+    oldest: int,
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
     node_wire: wp.array(dtype=wp.int32),
@@ -89,12 +91,12 @@ def previous_slip(
     slip_place: wp.array2d(dtype=wp.vec2d),
     elastic_slip: wp.array2d(dtype=wp.vec3d),
 ) -> wp.vec3d:
-    """Elastic slip [m] of the previous step at places on segments i and j. Of the first wire over the second."""
+    """Elastic slip [m] at places on segments i and j, of the first wire over the second; of entries for steps since `oldest`."""
     half = step % 2
     slip = wp.vec3d()
     nearest = wp.float64(3.0)
     for k in range(2 * pair, 2 * pair + 2):
-        if slip_step[half, k] == step:
+        if slip_step[half, k] >= oldest:
             distance = wp.abs(slip_place[half, k][0] - place[0]) + wp.abs(slip_place[half, k][1] - place[1])
             if distance < nearest:
                 nearest = distance
@@ -118,7 +120,7 @@ def previous_slip(
                 other = pair_of(first, second, -shift, pair_start, pair_count_of, pair_second, pair_shift, node_radius)
             if other >= 0:
                 for k in range(2 * other, 2 * other + 2):
-                    if slip_step[half, k] == step:
+                    if slip_step[half, k] >= oldest:
                         place_there = slip_place[half, k]
                         slip_there = elastic_slip[half, k]
                         if is_swapped:
@@ -251,14 +253,13 @@ def take_elastic_slip(
     slip_place: wp.array2d(dtype=wp.vec2d),
     elastic_slip: wp.array2d(dtype=wp.vec3d),
 ):
-    """Move what `transfer_elastic_slip` has found to the half that the next step reads; a thread a segment."""
+    """Copy what `transfer_elastic_slip` has found to the half that the next step reads; a thread a segment."""
     i = wp.tid()
     half = int(control[i / world_nodes, STEP]) % 2
     for k in range(2 * pair_start[i], 2 * (pair_start[i] + pair_count_of[i])):
         slip_step[half, k] = slip_step[1 - half, k]
         slip_place[half, k] = slip_place[1 - half, k]
         elastic_slip[half, k] = elastic_slip[1 - half, k]
-        slip_step[1 - half, k] = -1
 
 
 @wp.func

@@ -63,17 +63,6 @@ if (lane > 0) return;
     const int step_number = (int)steer[STEP], slips = slip_step.shape[1];
     const int this_half = step_number % 2 * slips, next_half = (step_number + 1) % 2 * slips;
     const auto rests = [&](int i) { return block_rest.data[node_block.data[i]] == RESTS; };
-    // elastic slips of a pair whose wires rest, for the next step; both halves hold them after the first
-    const auto keep_slips = [&](int pair) {
-        for (int k = 2 * pair; k < 2 * pair + 2; ++k) {
-            if (slip_step.data[this_half + k] != step_number) continue;
-            if (slip_step.data[next_half + k] != step_number - 1) {
-                slip_place.data[next_half + k] = slip_place.data[this_half + k];
-                elastic_slip.data[next_half + k] = elastic_slip.data[this_half + k];
-            }
-            slip_step.data[next_half + k] = step_number + 1;
-        }
-    };
     // pairs with one place, and those with two and the saddle between them; the places of a single pair do not matter
     enum { KINDS = LANES > 1 ? 2 : 1 };
 #ifdef __CUDA_ARCH__
@@ -106,7 +95,6 @@ if (lane > 0) return;
 #ifndef __CUDA_ARCH__
             if (is_running && rests(sides[0]) && rests(sides[1])) {
                 touch_followed.data[touch] = FOLLOWED_FORCE;
-                if (rubs) keep_slips(pair);
                 continue;
             }
             {

@@ -15,7 +15,7 @@ if (rubs && any(loaded & no(failed))) {
             const int pair = touch_pair.data[here.touch[l]];
             double nearest = 3;
             for (int k = this_half + 2 * pair; k < this_half + 2 * pair + 2; ++k) {
-                if (slip_step.data[k] != step_number) continue;
+                if (slip_step.data[k] < (int)before_control.data[STEP]) continue; // of an increment before
                 const double x = known_place[2 * k] - of_lane(s[a], l), y = known_place[2 * k + 1] - of_lane(t[a], l);
                 const double far = (x < 0 ? -x : x) + (y < 0 ? -y : y);
                 if (far >= nearest) continue;

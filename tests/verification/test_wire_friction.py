@@ -133,12 +133,14 @@ def test_slip_to_and_fro_within_an_increment_cancels(is_relaxation: bool) -> Non
 
 def test_an_increment_begins_with_the_elastic_slip_of_the_equilibrium_before() -> None:
     """Return mapping: a wire drawn across another under 2 N and accepted under N is held by mu N. Back by x it is held by
-    mu N - k_t x, whatever way and height it came by, and by -mu N from 2 mu N/k_t on."""
+    mu N - k_t x, whatever way and height it came by, lifted off or not, and by -mu N from 2 mu N/k_t on."""
     contact, friction_after = drawn_across(True)
     friction_after(1.0, -OVERLAP)
     assert friction_after(0.0, OVERLAP) == pytest.approx(ALONG, abs=1e-6)
     contact.advance_history()
     elastic = FRICTION * OVERLAP / STICK_SHARE
+    assert friction_after(0.0, 2 * OVERLAP) == pytest.approx(np.zeros(3))
+    assert friction_after(0.0, -2 * OVERLAP) == pytest.approx(ALONG, abs=1e-6)
     assert friction_after(0.5) == pytest.approx(ALONG, abs=1e-6)
     for back in (0.0, 0.5, 1.0, 1.5, 2.5):
         friction = friction_after(-0.5 - back * elastic if back == 0.0 else -0.5 * elastic if back < 2.0 else -elastic)

@@ -98,6 +98,13 @@ class SlipArrays:
         store(slips.slip_step, -1)
         return slips
 
+    def keep(self, half: int, begin: int, end: int) -> None:
+        """Copy entries of pairs `begin` to `end` to this half from the other one."""
+        first, count = SLIPS * begin, SLIPS * (end - begin)
+        if count > 0:  # a copy of none would be one of all
+            for entries in (getattr(self, name) for name in SLIP_ARRAYS):
+                wp.copy(entries[half], entries[1 - half], first, first, count)
+
     def state_dict(self, begin: int, end: int) -> dict[str, np.ndarray]:
         """Arrays of pairs `begin` to `end` for a checkpoint."""
         return {name: fetch(getattr(self, name))[:, SLIPS * begin : SLIPS * end] for name in SLIP_ARRAYS}

@@ -29,7 +29,7 @@ from ..compute.launch import bind
 from ..kernels.membrane_transfer import gather_forces, respond_to_strain
 from ..kernels.resample import resample_along_wires
 from ..kernels.rod_turns import find_turns, turn_sections
-from ..kernels.wire_closest import PLACES
+from ..kernels.wire_closest import NOT_NEAR, PLACES
 from ..mechanics.grid import CountedForces, MembraneGrid
 from ..mechanics.numerics import MAX_OVERLAP
 from ..mechanics.prolongation import RepeatProlongation
@@ -290,7 +290,7 @@ def take_elastic_slips(contact: WireContact, at_rest: np.ndarray, slip: np.ndarr
     """
     step, pairs, near = int(contact.stepper.steering.step[0]), contact.pairs, contact.near_pairs()
     touches = fetch(contact.touch.touch_normal_force)[: PLACES * len(near)].reshape(-1, PLACES)[:, :SLIPS] != 0.0
-    row, slot = np.nonzero(touches)
+    row, slot = np.nonzero(touches & (fetch(pairs.pair_found)[near] > int(NOT_NEAR))[:, None])
     pair = near[row]
     place = fetch(pairs.pair_place)[PLACES * pair + slot]
     # either wire of a contact may be the first one
@@ -304,7 +304,7 @@ def take_elastic_slips(contact: WireContact, at_rest: np.ndarray, slip: np.ndarr
     values = step, place[is_known], np.concatenate([slip, -slip])[nearest[is_known]]
     store(contact.slips.slip_step, -1)
     for name, known_values in zip(SLIP_ARRAYS, values, strict=True):
-        store_at(getattr(contact.slips, name), (step % 2, which), known_values)
+        store_at(getattr(contact.slips, name), (slice(None), which), known_values)
     contact.begin_increment(np.array([0]))
 
 

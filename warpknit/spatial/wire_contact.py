@@ -394,8 +394,8 @@ class WireContact:
     def advance_history(self, world: int = 0) -> None:
         """Accept the equilibrium of a world: scale elastic slip back at the Coulomb limit, and begin the next increment.
 
-        Friction dissipates the work of its present forces on the slip beyond that limit. The evaluation counts as a step, because
-        the slips pass from one half of their arrays to the other.
+        Friction dissipates the work of its present forces on the slip beyond that limit. The evaluation counts as a step, so that
+        slips left from before are older than the increment.
         """
         if self.friction == 0.0:
             return
@@ -407,8 +407,10 @@ class WireContact:
         work = fetch(touch.touch_slip_work)[PLACES * begin : PLACES * end].reshape(-1, PLACES).sum(axis=1)
         of_node = np.bincount(fetch(self.pairs.pair_first)[near[begin:end]], work, stepper.rods.node_count)
         self.dissipated[world] += stepper.sums.of_nodes(of_node, rows)[0]
+        step = stepper.steering.step[rows]
+        self.slips.keep(int(step[0]) % 2, *self._pairs_of(world))
+        stepper.steering.set(rows, step=step + 1.0)
         self.begin_increment(rows)
-        stepper.steering.set(rows, step=stepper.steering.step[rows] + 1.0)
 
     def begin_increment(self, rows: np.ndarray) -> None:
         """Take the present states of worlds for their equilibria before."""
