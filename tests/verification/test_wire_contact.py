@@ -9,6 +9,7 @@ from warpknit.base.errors import OutOfResources
 from warpknit.compute.host import fetch, store
 from warpknit.kernels.wire_curve import CLOSING_RATE
 from warpknit.kernels.wire_pairs import SEARCHED
+from warpknit.spatial.pair_search import DUE, MOVED
 from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import Rods, rods_of
@@ -142,6 +143,38 @@ def test_a_search_around_moved_nodes_finds_all_pairs() -> None:
         assert np.all(np.diff(keys_of(contact)[:, 0]) >= 0)
     assert 0.0 < max(shares) < 0.5
     assert new > 0
+
+
+def test_wires_that_go_apart_and_come_back_are_listed_before_they_touch() -> None:
+    """Two wires go apart by less than is searched around; beside them a third moves, and their pair is left out. Without another
+    search they come no nearer to each other than what multipliers push apart."""
+    wires = [line([0, 0, 0], [2, 0, 0], 8), line([0, 0, 20], [2, 0, 0], 8), line([6.3, -5, -3], [0, 2, 0], 8)]
+    stepper = RodStepper(rods_of(SECTION, wires))
+    contact = WireContact(stepper, STIFFNESS, friction=0.2)
+    cells, allowed = contact.cells, contact._search.allowed
+    rng, place = np.arange(24) // 8, stepper.rods.position[:, 2].copy()
+
+    def move_to(height: list[float], along: float = 0.0) -> float:
+        move = np.stack([along * (rng == 2), 0.0 * rng, np.array(height)[rng] - place], axis=1)
+        before = fetch(stepper.state.displacement).copy()
+        store(stepper.state.displacement, move)
+        contact.refresh(float(np.linalg.norm(move - before, axis=1).max()))
+        return height[1] - height[0] - 1.0
+
+    def is_listed() -> bool:
+        return [3, 11] in keys_of(contact)[:, :2].tolist()  # of segments beside the third wire
+
+    apart, back = 0.99 * MOVED * allowed, 0.99 * DUE * allowed
+    above, third = 1.0 + cells.margin - 1.8 * apart, -2.0
+    contact.search()
+    move_to([0.0, above, third])
+    contact.search()
+    assert is_listed()
+    assert move_to([-apart, above + apart, third], 1.1 * DUE * allowed) < cells.margin + apart
+    was_left_out = not is_listed()
+    gap = move_to([back, above - back, third], 1.1 * DUE * allowed)
+    assert was_left_out
+    assert is_listed() or gap > cells.margin - 2.0 * cells.approach / float(CLOSING_RATE)  # for wires that stay straight
 
 
 def test_a_list_that_memory_has_no_room_for_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -46,7 +46,7 @@ SEARCHED_ARRAYS = ("searched_place", "searched_director")
 
 APPROACH = 0.12, 0.5  # of a segment, and of the thickness at least: approach allowed before the next search
 # of the motion allowed: a search around the nodes that have moved farther than the first is due once one has moved by the second
-MOVED, DUE = 0.3, 0.9
+MOVED, DUE = 0.2, 0.9
 MOST_MOVED = 0.5  # of the nodes; with more a search finds all pairs anew
 MAX_OFFSET = 0.25  # thicknesses: most that the multiplier of either wire adds to its radius (multipliers.py)
 MAX_SAG = 0.4  # of a segment: bound on the sag of its curve without bumps, 4/27 (1 + MAX_RATIO/3) from either end
@@ -224,8 +224,12 @@ class PairSearch:
 
     @property
     def allowed(self) -> float:
-        """[m] motion of nodes for which the pairs of a search hold."""
-        return self.cells.approach / float(CLOSING_RATE)
+        """[m] motion of nodes, with that of the load, for which the pairs of a search hold.
+
+        With friction a pair may be left out after both nodes and load have moved by MOVED of it; the way back from there counts.
+        """
+        back_and_forth = 1.0 + 2.0 * MOVED if self.stepper.steering.friction.any() else 1.0
+        return self.cells.approach / (float(CLOSING_RATE) * back_and_forth)
 
     def motion(self, rows: np.ndarray) -> np.ndarray:
         """[row] [m] largest motion since the search of what has moved; a collective call."""
