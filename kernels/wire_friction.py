@@ -4,8 +4,8 @@ Elastic slip is passed on from step to step, between neighbouring segments, and 
 is that left at the equilibrium before: no step changes it, and it outlasts an opening of the contact.
 
 A contact of step n writes n + 1, its place and its elastic slip into the half of the arrays that step n + 1 reads. There a
-contact takes the slip of the nearest entry, in its own pair or in a neighbouring one: in real time of those of the step before,
-in a relaxation of those since the equilibrium before, from which on both halves have them. The two halves
+contact takes the slip of the nearest entry, in its own pair or in a neighbouring one. In real time the entry is of the step
+before, in a relaxation of any step since the equilibrium before, after which both halves have the same entries. The two halves
 alternate, so no entry is read while it is written. Pairs of the same segments differ in the periodic shift of the second; where a
 wire continues at its first node, the shift of a neighbouring pair differs by its period.
 """
@@ -91,7 +91,10 @@ def previous_slip(
     slip_place: wp.array2d(dtype=wp.vec2d),
     elastic_slip: wp.array2d(dtype=wp.vec3d),
 ) -> wp.vec3d:
-    """Elastic slip [m] at places on segments i and j, of the first wire over the second; of entries for steps since `oldest`."""
+    """Elastic slip [m] of the first wire over the second, at places on them.
+
+    oldest: step of the oldest entry that counts.
+    """
     half = step % 2
     slip = wp.vec3d()
     nearest = wp.float64(3.0)

@@ -224,7 +224,7 @@ class PairSearch:
 
     @property
     def allowed(self) -> float:
-        """[m] motion of nodes, with that of the load, for which the pairs of a search hold.
+        """[m] motion of nodes and load for which the pairs of a search hold.
 
         With friction a pair may be left out after both nodes and load have moved by MOVED of it; the way back from there counts.
         """
