@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from swatches import DIAMETER, swatch
 
+from warpknit.compute.host import fetch
 from warpknit.compute.kept import Owner, restore, save
 from warpknit.scene import make_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.simulate import Simulation
-from warpknit.spatial.convergence import SoftMotion, least_energy
+from warpknit.spatial.convergence import MOTIONS, SoftMotion, least_energy
 
 UNKNOWNS = 6
 ROUND_OFF = 1e-9  # of a solution of equations with rates from 1e-4 to 1
@@ -82,3 +83,23 @@ def test_a_checkpoint_keeps_the_motions(tmp_path: Path) -> None:
     restore(save(Owner(kept)), Owner(restored))
     for name in SoftMotion.KEPT:
         assert np.array_equal(getattr(restored, name), getattr(kept, name))
+
+
+def test_sections_turn_with_the_motion(tmp_path: Path) -> None:
+    """Motions of turns alone, each against its torque: all sections turn by torque over stiffness, at most by LARGEST."""
+    group = strained(tmp_path).mechanics.group
+    stepper, soft = group.relaxation.stepper, group.soft_motion
+    group.contact.search()
+    stepper.evaluate()
+    nodes, thickness = stepper.rods.node_count, stepper.rods.section.thickness
+    before, torque = fetch(stepper.state.director).copy(), fetch(stepper.state.torque).copy()
+    turns = 1e-6 * np.random.default_rng(0).standard_normal((MOTIONS, nodes)) * stepper.rods.can_turn
+    stiffness = 1e3 * np.abs(torque).max()
+    soft._motions = [np.concatenate([np.zeros(3 * nodes), turn * thickness]) for turn in turns]
+    soft._changes = [np.concatenate([np.zeros(3 * nodes), -stiffness * turn / thickness]) for turn in turns]
+    expected = turns.T @ np.linalg.solve(turns @ turns.T, turns @ torque) / stiffness
+    soft.correct()
+    stepper.evaluate()
+    turned = np.einsum("ij,ij->i", np.cross(before, fetch(stepper.state.director)), fetch(stepper.state.tangent))
+    assert np.abs(expected).max() > 0.0
+    assert turned == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())

@@ -184,7 +184,7 @@ class SoftMotion:
         share = min(1.0, LARGEST * thickness / max(float(np.abs(place).max()), 1e-300))
         stepper.store_rows(state.displacement, rows, stepper.by_world(state.displacement) + share * place)
         turn = share * move[None, 3 * nodes :] / thickness
-        stepper.store_rows(state.angle, rows, stepper.by_world(state.angle) + turn)
+        stepper.store_rows(state.pending_turn, rows, stepper.by_world(state.pending_turn) + turn)
         self._contact.search(rows)
         self._relaxation.damping.reset(rows)
 
