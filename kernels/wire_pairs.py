@@ -222,8 +222,8 @@ def mark_searched(
     if limit < 0.0:
         searched[i] = SEARCHED_ANEW
         return
-    if wp.max(wp.max(motion[before], motion[i]), wp.max(motion[after], motion[behind])) <= limit:
-        return
+    if not (wp.max(wp.max(motion[before], motion[i]), wp.max(motion[after], motion[behind])) > limit):
+        return  # also where a world has failed, with motions that are not numbers
     searched[i] = SEARCHED
     if reach[i] < 0.0:
         return

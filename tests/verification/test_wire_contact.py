@@ -12,7 +12,7 @@ from warpknit.kernels.wire_pairs import SEARCHED
 from warpknit.spatial.pair_search import DUE, MOVED
 from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
-from warpknit.spatial.rods import Rods, rods_of
+from warpknit.spatial.rods import Rods, joined, rods_of
 from warpknit.spatial.step_bound import largest_rates, stable_step
 from warpknit.spatial.wire_contact import WireContact
 
@@ -260,3 +260,17 @@ def test_nothing_passes_through_at_the_speed_limit() -> None:
         z = (stepper.rods.position + stepper.state.displacement.numpy())[:, 2]
         lowest = min(lowest, float(z[11] - z[3]))
     assert 0.0 < lowest < 1.0
+
+
+def test_a_world_that_has_failed_is_not_searched_with_others() -> None:
+    """The state of a world that has failed may not be finite. A search of another world leaves its pairs as they are."""
+    rods = tangle(3, 12, 60)
+    stepper = RodStepper(joined([rods, rods]), worlds=2)
+    contact = WireContact(stepper, STIFFNESS, friction=0.2)
+    contact.search()
+    before, failed = keys_of(contact), np.arange(2 * rods.node_count)[:, None] >= rods.node_count
+    store(stepper.state.displacement, np.where(failed, np.nan, 0.0))
+    contact.refresh(2.0 * contact.cells.approach, np.array([0]))
+    store(stepper.state.position, np.where(failed, np.nan, fetch(stepper.state.position)))
+    contact.search(np.array([0]))
+    assert np.array_equal(keys_of(contact), before)
