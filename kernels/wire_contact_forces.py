@@ -211,10 +211,8 @@ def find_contact_forces(
         separation = pair_arc_separation[pair]
         is_same = separation != NO_COMMON_WIRE
         is_running = steer[STATUS] == STATUS_RUNNING
-        step = int(steer[STEP])
         is_accepting = steer[STATUS] == STATUS_ACCEPTING
         is_increment = steer[DRIVE] == zero
-        oldest = wp.where(is_increment, int(before[STEP]), step)
         has_more_p = following[following[i]] >= 0
         has_more_q = following[following[j]] >= 0
         last = wp.where(found == ONE_PLACE, 1, 3)
@@ -307,8 +305,9 @@ def find_contact_forces(
                     rate_p = surface_rate(i, s, velocity_p, previous, following, length, tangent, spin)
                     rate_q = surface_rate(j, t, velocity_q, previous, following, length, tangent, spin)
                     way = steer[TIME_STEP] * (slip_velocity + wp.cross(rate_p, lever_p) - wp.cross(rate_q, lever_q))
-                elastic = previous_slip(pair, i, j, place, step, oldest, previous, following, node_wire, node_radius, wire_period,
-                                     pair_start, pair_count_of, pair_second, pair_shift,
+                oldest = int(wp.where(is_increment, before[STEP], steer[STEP]))
+                elastic = previous_slip(pair, i, j, place, int(steer[STEP]) % 2, oldest, previous, following, node_wire,
+                                     node_radius, wire_period, pair_start, pair_count_of, pair_second, pair_shift,
                                      slip_step, slip_place, elastic_slip)  # fmt: skip
                 slip = elastic + way
                 slip = slip - wp.dot(slip, n) * n
@@ -328,6 +327,7 @@ def find_contact_forces(
                 shares_p = section_weights(i, s, previous, following)
                 shares_q = section_weights(j, t, previous, following)
                 if is_running or is_accepting:
+                    step = int(steer[STEP])
                     after = (step + 1) % 2
                     slip_step[after, 2 * pair + a] = step + 1
                     slip_place[after, 2 * pair + a] = place

@@ -76,7 +76,7 @@ def previous_slip(
     i: int,
     j: int,
     place: wp.vec2d,
-    step: int,
+    half: int,
     oldest: int,
     previous: wp.array(dtype=wp.int32),
     following: wp.array(dtype=wp.int32),
@@ -93,9 +93,8 @@ def previous_slip(
 ) -> wp.vec3d:
     """Elastic slip [m] of the first wire over the second, at places on them.
 
-    oldest: step of the oldest entry that counts.
+    half: of the arrays, to read; oldest: step of the oldest entry that counts.
     """
-    half = step % 2
     slip = wp.vec3d()
     nearest = wp.float64(3.0)
     for k in range(2 * pair, 2 * pair + 2):
