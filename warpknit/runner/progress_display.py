@@ -38,7 +38,7 @@ class Display:
 
     def stage(self, name: str, *, number: int, of: int) -> None:
         """Begin a stage of the loading; stages are numbered from 1."""
-        self.title, self._left = f"{name} ({number} of {of})", "left of this stage" if of > 1 else "left"
+        self.title, self._left = f"{name} ({number} of {of})", "left of this load step" if of > 1 else "left"
         self.done, self.load_factor, self._begin = 0.0, 0.0, None
         self.show_stage()
 
