@@ -8,7 +8,7 @@ o = r_p + r_q - |p - q|, where the radii r grow with temperature as the wires do
 
 In real time z is scaled back at every step. A relaxation is a step of backward Euler from one equilibrium to the next: z is what
 was left at the one before and the way since of one surface over the other, of the points that touch now. So it is a function of
-the state, and scaled back at the equilibrium that ends the increment.
+the state, and scaled back at the equilibrium that ends the increment. z turns about n with the mean of both wires.
 
 The penalty k and the offset a, an augmented Lagrangian multiplier over the penalty, are given at the nodes: k is the mean and a
 the sum of both wires, each interpolated along its segment. k_t is the same everywhere.
@@ -40,7 +40,7 @@ from .control import (
 from .rod_frames import affine_map
 from .wire_closest import FOLLOWED_FORCE, NOT_NEAR, ONE_PLACE
 from .wire_curve import Bump, curve_through, derivative_at, node_weights, point_at, rest_shape, row, section_offsets, stencil
-from .wire_friction import node_velocities, point_velocity, previous_slip, section_weights, surface_before, surface_rate
+from .wire_friction import node_velocities, point_velocity, previous_slip, section_weights, surface_before, surface_rate, surface_turn
 from .wire_minima import is_bounded
 from .wire_near import first_of_share
 from .wire_pairs import NO_COMMON_WIRE
@@ -289,6 +289,7 @@ def find_contact_forces(
                 lever_p = -(length_factor * node_radius[i] / contact_distance) * r
                 lever_q = (length_factor * node_radius[j] / contact_distance) * r
                 way = wp.vec3d()
+                turn = wp.vec2d(one, zero)
                 if is_increment:
                     way = affine_map(pair_shift[pair], before)
                     way += surface_before(j, t, lever_q, previous, following, natural_length, rest_row, rest_slope, rest_bump,
@@ -297,6 +298,8 @@ def find_contact_forces(
                     way -= surface_before(i, s, lever_p, previous, following, natural_length, rest_row, rest_slope, rest_bump,
                                           slope_weight, tangent, director, before_position, before_length,
                                           before_tangent, before_director, before)  # fmt: skip
+                    turn = surface_turn(i, s, n, previous, following, tangent, before_tangent)
+                    turn += surface_turn(j, t, n, previous, following, tangent, before_tangent)
                 elif is_running:
                     velocity_p = node_velocities(i, p, previous, following, steer, displacement, velocity)
                     velocity_q = node_velocities(j, q, previous, following, steer, displacement, velocity)
@@ -305,12 +308,14 @@ def find_contact_forces(
                     rate_p = surface_rate(i, s, velocity_p, previous, following, length, tangent, spin)
                     rate_q = surface_rate(j, t, velocity_q, previous, following, length, tangent, spin)
                     way = steer[TIME_STEP] * (slip_velocity + wp.cross(rate_p, lever_p) - wp.cross(rate_q, lever_q))
+                    turn[1] = wp.float64(0.5) * steer[TIME_STEP] * wp.dot(n, rate_p + rate_q)
                 oldest = int(wp.where(is_increment, before[STEP], steer[STEP]))
                 elastic = previous_slip(pair, i, j, place, int(steer[STEP]) % 2, oldest, previous, following, node_wire,
                                      node_radius, wire_period, pair_start, pair_count_of, pair_second, pair_shift,
                                      slip_step, slip_place, elastic_slip)  # fmt: skip
                 slip = elastic + way
                 slip = slip - wp.dot(slip, n) * n
+                slip = (turn[0] * slip + turn[1] * wp.cross(n, slip)) / wp.length(turn)
                 own = weight
                 if found != ONE_PLACE:
                     own = weight * friction_weight(overlap, overlaps[1 - a], weights[1 - a], -weights[2] * overlaps[2])

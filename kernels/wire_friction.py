@@ -169,6 +169,39 @@ def turned_back(
 
 
 @wp.func
+def section_turn(
+    segment: int,
+    n: wp.vec3d,
+    tangent: wp.array(dtype=Any),
+    before_tangent: wp.array(dtype=Any),
+) -> wp.vec2d:
+    """Cosine and sine of the turn about n since the previous equilibrium, as tangents across n have made it, times their lengths."""
+    t = wp.vec3d(tangent[segment])
+    before = wp.vec3d(before_tangent[segment])
+    return wp.vec2d(wp.dot(before, t) - wp.dot(before, n) * wp.dot(n, t), wp.dot(n, wp.cross(before, t)))
+
+
+@wp.func
+def surface_turn(
+    i: int,
+    place: wp.float64,
+    n: wp.vec3d,
+    previous: wp.array(dtype=wp.int32),
+    following: wp.array(dtype=wp.int32),
+    tangent: wp.array(dtype=Any),
+    before_tangent: wp.array(dtype=Any),
+) -> wp.vec2d:
+    """`section_turn` of the wire at a place on segment i."""
+    weights = section_weights(i, place, previous, following)
+    turn = weights[1] * section_turn(i, n, tangent, before_tangent)
+    if weights[0] > wp.float64(0.0):
+        turn += weights[0] * section_turn(previous[i], n, tangent, before_tangent)
+    if weights[2] > wp.float64(0.0):
+        turn += weights[2] * section_turn(following[i], n, tangent, before_tangent)
+    return turn
+
+
+@wp.func
 def surface_before(
     i: int,
     place: wp.float64,

@@ -27,6 +27,7 @@ if (rubs && any(loaded & no(failed))) {
         is_new |= pushes[a] & (known == zero);
         elastic[a] = vector(slips_before, 0);
         vec slip = elastic[a], lever[2];
+        real cosine = zero, sine = zero; // of the turn about the normal
         UNROLLED
         for (int side = 0; side < 2; ++side) {
             const real* now = here.number[side];
@@ -47,8 +48,17 @@ if (rubs && any(loaded & no(failed))) {
             surface = plus(surface, times(of_section[0], turned_back(T_BEFORE, D_BEFORE)));
             surface = plus(surface, times(of_section[2], turned_back(T_AFTER, D_AFTER)));
             slip = side ? plus(slip, surface) : minus(slip, surface);
+            for (int k = 0; k < 3; ++k) {
+                const int tangents = k == 0 ? T_BEFORE : k == 1 ? T : T_AFTER;
+                const vec now_t = vector(now, tangents), t_before = vector(before, tangents);
+                const real along = dot(t_before, now_t) - dot(t_before, normal[a]) * dot(normal[a], now_t);
+                cosine += of_section[k] * along;
+                sine += of_section[k] * dot(normal[a], cross(t_before, now_t));
+            }
         }
         slip = minus(slip, times(dot(slip, normal[a]), normal[a]));
+        const real turned = size(cosine * cosine + sine * sine);
+        slip = times(one / (pushes[a] ? turned : one), plus(times(cosine, slip), times(sine, cross(normal[a], slip))));
         real own = weight[a];
         if (places > 1) {
             const real saddle = -weight[2] * pushed[2];

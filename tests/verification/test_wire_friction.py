@@ -147,6 +147,25 @@ def test_an_increment_begins_with_the_elastic_slip_of_the_equilibrium_before() -
         assert friction == pytest.approx(max(1.0 - back, -1.0) * ALONG, abs=1e-6)
 
 
+@pytest.mark.parametrize("is_searched", [True, False])
+@pytest.mark.parametrize("slip", [0.5, 5.0])  # of mu N/k_t: sticks, and slips
+def test_friction_turns_with_wires_that_turn_about_their_contact(slip: float, is_searched: bool) -> None:
+    """Wires that turn as one by 70 degrees about the contact normal turn their friction, in any number of increments."""
+    contact, friction_after = drawn_across(True)
+    friction = friction_after(slip * FRICTION * OVERLAP / STICK_SHARE)
+    stepper, angle, center = contact.stepper, np.radians(7.0), np.array([4.0, 1.0, 0.0])
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    start, unit = stepper.rods.position + stepper.state.displacement.numpy() - center, FRICTION * STIFFNESS * OVERLAP
+    for increment in range(1, 11):
+        contact.advance_history()
+        stepper.place(start @ np.linalg.matrix_power(turn, increment).T + center)
+        if is_searched:  # the other one of the two kernels of contact forces
+            contact.search()
+        stepper.evaluate()
+        friction = turn @ friction
+        assert contact.read_contacts().friction.sum(axis=0) / unit == pytest.approx(friction, abs=1e-6)
+
+
 def test_friction_dissipates_what_slips_beyond_the_limit() -> None:
     """mu N times the way less mu N/k_t: the first way from rest leaves that much elastic slip, one that goes on from there none,
     one back takes it up twice; a way that sticks dissipates nothing."""
