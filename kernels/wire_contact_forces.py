@@ -40,7 +40,15 @@ from .control import (
 from .rod_frames import affine_map
 from .wire_closest import FOLLOWED_FORCE, NOT_NEAR, ONE_PLACE
 from .wire_curve import Bump, curve_through, derivative_at, node_weights, point_at, rest_shape, row, section_offsets, stencil
-from .wire_friction import node_velocities, point_velocity, previous_slip, section_weights, surface_before, surface_rate, surface_turn
+from .wire_friction import (
+    node_velocities,
+    point_velocity,
+    previous_slip,
+    section_weights,
+    surface_before,
+    surface_rate,
+    surface_turn,
+)
 from .wire_minima import is_bounded
 from .wire_near import first_of_share
 from .wire_pairs import NO_COMMON_WIRE
