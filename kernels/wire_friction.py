@@ -175,7 +175,7 @@ def section_turn(
     tangent: wp.array(dtype=Any),
     before_tangent: wp.array(dtype=Any),
 ) -> wp.vec2d:
-    """Cosine and sine of the turn of a tangent about n since the previous equilibrium, times one factor."""
+    """Cosine and sine of a tangent's turn about n since the previous equilibrium, scaled."""
     t = wp.vec3d(tangent[segment])
     before = wp.vec3d(before_tangent[segment])
     return wp.vec2d(wp.dot(before, t) - wp.dot(before, n) * wp.dot(n, t), wp.dot(n, wp.cross(before, t)))
