@@ -12,7 +12,6 @@ import numpy as np
 
 from ..measure import tension_scale
 from ..measure.strain import clamp_rotation, rotation, stretch, true_stress
-from ..mesh.rim import PATH_STRAIN
 
 COUNTS = 2.0**58  # of EA times the length of all wires: whole numbers in float64 up to a mean strain of 3 %, which no wire takes
 STRAIN_LIMIT = 3e-4  # of a step
@@ -46,10 +45,10 @@ class DrivenStrain:
         self._checks, self._begun = np.zeros((2, worlds), dtype=int)
         self._last_strain, self._last_force = np.full((2, worlds, 2), np.nan)  # at the last convergence check
         self.carried = np.zeros((worlds, 2))  # [N/m] by the affine stiffness, by which strains have changed tensions
-        strain_range = PATH_STRAIN if model.scene.depends_on_path else np.inf  # from one equilibrium to the next
         self._steering.set(
-            None, cell_area=self._area, stress_unit=rigidity / COUNTS, strain_limit=STRAIN_LIMIT, strain_range=strain_range
-        )
+            None, cell_area=self._area, stress_unit=rigidity / COUNTS, strain_limit=STRAIN_LIMIT,
+            strain_range=model.scene.history_increment,
+        )  # fmt: skip
 
     def driven(self, rows: np.ndarray) -> np.ndarray:
         """(row, 2) bool: directions given by tension."""

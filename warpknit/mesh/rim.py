@@ -20,8 +20,6 @@ from ..scene import Cord, Pull, Scene
 from ..scene.outline import Outline
 from .panel import Panel
 
-PATH_STRAIN = 0.005  # between equilibria where the state depends on the load history, at most
-
 
 @dataclass(frozen=True)
 class LoadPoint:

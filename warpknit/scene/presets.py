@@ -51,6 +51,9 @@ PRESETS = {  # by kind of model and drive
     },
 }
 DEFAULT_PRESET = "standard"
+# Strain from one equilibrium to the next where the state depends on the load history: against 0.5 %, 1 % changes tensions of four
+# knits with friction by 2 % at most, 2 % by 5 % (studies/friction.md).
+HISTORY_INCREMENTS = {"draft": 0.02, "standard": 0.01, "reference": 0.005}
 # Over the 12 loads of one repeat of the double atlas mesh in tools/studies/results/presets.csv (python
 # tools/studies/accuracy.py presets): 2 to 25 % strain, even and uneven, 15 and 30 um wire, lenses merged or not. Other knits and
 # grips are in studies/trade.md; `run --error` measures on the scene. Spatial errors are in presets_spatial.csv (`accuracy.py

@@ -24,7 +24,7 @@ from .keys import Table, given_values, key
 from .knit import Hook, Knit, KnitTable
 from .options import GIVEN, VARIANT_LEVELS, Contact, ModelOptions, Output, Reflection, Solver, Stage, Sweep, Variants
 from .panel_options import PanelOptions, PanelTable
-from .presets import COMPARED_NODES, MEASURED, PRESETS, Measured, Preset
+from .presets import COMPARED_NODES, HISTORY_INCREMENTS, MEASURED, PRESETS, Measured, Preset
 from .values import Name
 from .wire import Wire
 from .wire_file import WireArrays, WireFile, WiresTable
@@ -213,6 +213,11 @@ class Scene:
     def depends_on_path(self) -> bool:
         """Whether the state depends on the load history."""
         return self.contact.friction > 0.0 or self.wire.plastic
+
+    @property
+    def history_increment(self) -> float:
+        """Largest strain from one equilibrium to the next; infinite where the state does not depend on the load history."""
+        return HISTORY_INCREMENTS[self.solver.preset] if self.depends_on_path else math.inf
 
     @property
     def hash(self) -> str:

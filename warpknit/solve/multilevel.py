@@ -18,7 +18,7 @@ from ..measure.strain import EdgeWork, strain_text
 from ..mechanics.numerics import renewed_throttle
 from ..mechanics.protocols import Mechanics
 from ..mechanics.response import find_response, zero_response
-from ..mesh.rim import PATH_STRAIN, LoadPoint, Rim, build_rim
+from ..mesh.rim import LoadPoint, Rim, build_rim
 from ..scene import Stage
 from .membrane import (
     BALANCE_CHECKS,
@@ -179,7 +179,7 @@ class MultilevelRelaxation(Relaxation):
             progress.start = LoadStart(now.gradient.ravel().tolist(), temperature=now.temperature)
         start = progress.start
         gradient, temperature = np.array(start.gradient).reshape(2, 2), start.temperature
-        increment = min(self.mechanics.path_increment, PATH_STRAIN if smallest.scene.depends_on_path else math.inf)
+        increment = min(self.mechanics.path_increment, smallest.scene.history_increment)
         levels = max(1, math.ceil(float(np.abs(target.gradient - gradient).max()) / increment - 1e-9))
         while start.levels < levels:
             share = (start.levels + 1.0) / levels

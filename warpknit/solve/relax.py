@@ -30,7 +30,7 @@ from .drive import Drive
 from .equilibrium import ON_THE_WAY, UNRECORDED, Equilibrium
 from .membrane import Lift
 from .progress import Progress
-from .stage_load import history_steps, strained
+from .stage_load import increments_between, strained
 
 DEFAULT_STEP_LIMIT = 500_000  # steps of a level, where the scene gives no max_steps
 MAX_CUTS = 4  # how often the increments of a level are halved, before it has failed
@@ -306,9 +306,8 @@ class Relaxation(Drive):
         """Number of increments to a level; unloaded: of its natural curvature."""
         if factor <= 0.0:
             return self.mechanics.release_parts
-        if not self.scene.depends_on_path:
-            return 1
-        return history_steps(self.target(stage, factor - width), self.target(stage, factor), self.rim)
+        begin, end = self.target(stage, factor - width), self.target(stage, factor)
+        return increments_between(begin, end, self.rim, self.scene.history_increment)
 
     def release(self, begin: float, end: float) -> None:
         """Apply `wire.set_fraction` from one share of it to another."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..measure.strain import clamp_rotation, rotation, stretch
-from ..mesh.rim import PATH_STRAIN, LoadPoint, Rim
+from ..mesh.rim import LoadPoint, Rim
 from ..scene import Scene, Stage
 from .progress import LoadStart
 
@@ -54,9 +54,9 @@ def strained(load: LoadPoint, gradient: np.ndarray) -> LoadPoint:
     return replace(load, gradient=rotation(clamp_rotation(load.gradient)).T @ there)
 
 
-def history_steps(begin: LoadPoint, end: LoadPoint, rim: Rim | None) -> int:
-    """Number of increments between two loads of a history-dependent mesh; bounds the strain increment."""
+def increments_between(begin: LoadPoint, end: LoadPoint, rim: Rim | None, largest: float) -> int:
+    """Number of increments between two loads, with strains of at most `largest`."""
     strain = float(np.abs(end.gradient - begin.gradient).max())
     if rim is not None and begin.stations is not None and end.stations is not None:
         strain = max(strain, rim.strain(end.stations - begin.stations))  # a pull strains the mesh near it most
-    return max(1, math.ceil(strain / PATH_STRAIN - 1e-9))
+    return max(1, math.ceil(strain / largest - 1e-9))
