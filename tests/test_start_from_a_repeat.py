@@ -158,7 +158,7 @@ def test_an_interrupted_start_with_friction_goes_on_to_the_same_bits() -> None:
 
 
 def test_a_mesh_with_friction_that_cannot_start_from_a_repeat_follows_the_load(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its start is refused here; then it has the increments that it has without one, 0.5 % of strain."""
+    """Its start is refused here; then it has the increments that it has without one, at most 2 % of strain."""
     begun: list[float] = []
     begin_level, carry = MultilevelRelaxation.begin_level, Prolongation.carry
 
@@ -172,8 +172,8 @@ def test_a_mesh_with_friction_that_cannot_start_from_a_repeat_follows_the_load(m
 
     monkeypatch.setattr(MultilevelRelaxation, "begin_level", begins)
     monkeypatch.setattr(Prolongation, "carry", refuses)
-    solved(TRICOT, (0.02, 0.005), 1, friction=0.2)
-    assert begun == pytest.approx([0.02, 0.005, 0.01, 0.015, 0.02])
+    solved(TRICOT, (0.03, 0.005), 1, friction=0.2)
+    assert begun == pytest.approx([0.03, 0.015, 0.03])
 
 
 @pytest.mark.slow
