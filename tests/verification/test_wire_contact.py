@@ -63,8 +63,8 @@ def test_two_plies_come_to_rest(spacing: float) -> None:
     assert residual_of(rest) < 1e-6 * contact.read_contacts().force.sum()
 
 
-def tangle(seed: int, wires: int, nodes: int) -> Rods:
-    """Wavy wires without order in a tile that repeats in x and y, each going on into the next tile up."""
+def tangle(seed: int, wires: int, nodes: int, is_tiled: bool = True) -> Rods:
+    """Wavy wires without order in a tile that repeats in x and y, each going on into the next tile up; or once."""
     rng = np.random.default_rng(seed)
     tile = np.array([14.0, 16.0, 0.0])
     up = np.arange(nodes) / nodes
@@ -74,6 +74,8 @@ def tangle(seed: int, wires: int, nodes: int) -> Rods:
         x, z = (sum(s * np.sin(2 * np.pi * (k + 1) * up + p) for k, (s, p) in enumerate(zip(*a, strict=True)))
                 for a in zip(size, phase, strict=True))  # fmt: skip
         points.append(np.stack([rng.uniform(-20, 20) + 2 * x, rng.uniform(-20, 20) + 16 * up, 0.8 * z], axis=1))
+    if not is_tiled:
+        return rods_of(SECTION, [0.5 * one for one in points])
     return rods_of(SECTION, points, [np.array([0.0, 16.0, 0.0])] * wires, tile=tile)
 
 
@@ -143,6 +145,41 @@ def test_a_search_around_moved_nodes_finds_all_pairs() -> None:
         assert np.all(np.diff(keys_of(contact)[:, 0]) >= 0)
     assert 0.0 < max(shares) < 0.5
     assert new > 0
+
+
+def test_pairs_hold_while_nodes_follow_a_smooth_motion() -> None:
+    """Nodes move by many thicknesses, but by little from one to the next. Without another search the list then has all pairs of
+    wires that may touch, and forces are those of a new search; the strain counts until the next one."""
+    rods = tangle(5, 60, 30, is_tiled=False)
+    stepper = RodStepper(rods)
+    contact = WireContact(stepper, STIFFNESS, friction=0.2)
+    contact.search()
+    search, rows, number = contact._search, np.array([0]), contact.pairs.number
+    slope = np.array([[0.3, -0.2], [0.1, 0.05], [-0.2, 0.15]])
+    strain = 0.3 * search.allowed / float(stepper.steering.pair_reach[0])
+    smooth = np.array([7.0, -5.0, 3.0]) + strain * rods.position[:, :2] @ slope.T
+    rest = 0.05 * search.allowed * np.random.default_rng(4).uniform(-1.0, 1.0, size=smooth.shape)
+    for times in (1, 2):
+        stepper.shift(smooth + rest, None, smooth, strain)
+        contact.list_near_pairs()
+        stepper.evaluate()
+        assert contact.pairs.number == number
+        assert search.motion(rows)[0] >= 0.3 * times * search.allowed
+        beside = RodStepper(rods)
+        store(beside.state.displacement, fetch(stepper.state.displacement))
+        other = WireContact(beside, STIFFNESS, cells=contact.cells)
+        other.search()
+        beside.evaluate()
+        left = contact.cells.margin - float(CLOSING_RATE) * search.motion(rows)[0]
+        gap = float(CLOSING_RATE) * fetch(other.pairs.pair_wake_travel)[: other.pair_count]
+        wire = rods.wire_of[keys_of(other)[:, :2].astype(int)]
+        may_touch = {tuple(key) for key in keys_of(other)[(gap < left) & (wire[:, 0] != wire[:, 1])]}
+        assert len(may_touch) > 100
+        assert may_touch <= {tuple(key) for key in keys_of(contact)}
+        largest = np.abs(fetch(beside.state.force)).max()
+        assert fetch(stepper.state.force) == pytest.approx(fetch(beside.state.force), abs=1e-6 * largest)
+    stepper.shift(smooth, None, smooth, strain)
+    assert contact.pairs.number != number
 
 
 def test_wires_that_go_apart_and_come_back_are_listed_before_they_touch() -> None:

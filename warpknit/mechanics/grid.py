@@ -48,9 +48,12 @@ class MembraneGrid(ABC):
         return None
 
     @abstractmethod
-    def spread(self, displacement: np.ndarray, response: Response) -> None:
-        """Move the mesh with the grid (grid node, 2) [m], its repeats as endless cloth answers; the clamps stay."""
+    def spread(self, displacement: np.ndarray, response: Response, stations: np.ndarray | None = None) -> None:
+        """Move the mesh with the grid (grid node, 2) [m], its repeats as endless cloth answers.
 
-    def spread_across(self, displacement: np.ndarray) -> None:
-        """Move the mesh out of its plane with the grid [grid node] [m], and stop it; the clamps stay."""
+        Clamps on a rim of the mechanics follow its stations (station, 3) [m]; others stay.
+        """
+
+    def spread_across(self, displacement: np.ndarray, stations: np.ndarray | None = None) -> None:
+        """Move the mesh out of its plane with the grid [grid node] [m], and stop it; clamps as of `spread`."""
         raise NotImplementedError

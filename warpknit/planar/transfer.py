@@ -96,7 +96,7 @@ class PlanarGrid(MembraneGrid):
         bind(gather_body_forces, model.owned_bodies, model.mesh, state, **onto).run(model.device)
         return self._force.read(model.ranks)
 
-    def spread(self, displacement: np.ndarray, response: Response) -> None:
+    def spread(self, displacement: np.ndarray, response: Response, stations: np.ndarray | None = None) -> None:
         model = self.model
         self._displacement.assign(displacement)
 

@@ -304,8 +304,8 @@ class Membrane:
         return Correction(displacement[:, None], solution[tied.shape[1] - len(self.rim.arc) :, None], share)
 
     def move(self, correction: Correction) -> None:
-        """Move the mesh with the grid; the clamps stay."""
-        self.grid.spread(correction.grid, self._response)
+        """Move the mesh with the grid, and clamps on a rim of the mechanics."""
+        self.grid.spread(correction.grid, self._response, correction.in_space)
 
 
 class Lift:
@@ -357,6 +357,4 @@ class Lift:
             return
         self._next_correction = check + CORRECTION_STEPS // mechanics.check_steps
         lift = lift.scaled(self._aitken.next_factor(lift.vector, lift.max_factor))
-        membrane.grid.spread_across(lift.grid[:, 0])
-        mechanics.move_stations(lift.in_space)
-        mechanics.search()
+        membrane.grid.spread_across(lift.grid[:, 0], lift.in_space)

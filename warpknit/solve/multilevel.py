@@ -338,7 +338,10 @@ class MultilevelRelaxation(Relaxation):
         if moves:
             progress.next_correction = progress.checks + CORRECTION_STEPS // self.mechanics.check_steps
         if moves and progress.is_uncorrected:
-            self._move_clamps(correction.scaled(self._correction.next_factor(correction.vector, correction.max_factor)))
+            of_edge = correction.scaled(self._correction.next_factor(correction.vector, correction.max_factor))
+            self._move_clamps(of_edge)
+            if self.mechanics.rim is not None:
+                self.mechanics.move_stations(of_edge.in_space)
         elif moves:
             # what moves far for a small imbalance is a soft mode, in which the mesh answers by other than its tangent
             most = min(1.0, min(MAX_PARTS, progress.imbalance) * correction.max_factor)
@@ -350,9 +353,9 @@ class MultilevelRelaxation(Relaxation):
         lifts = lift is not None and float(np.abs(lift.grid).max()) >= membrane.grid.least_lift
         if lift is not None and lifts:
             lift = lift.scaled(self._lift.next_factor(lift.vector, lift.max_factor))
-            membrane.grid.spread_across(lift.grid[:, 0])
-            self._move_clamps(lift)
-        self.mechanics.search()
+            membrane.grid.spread_across(lift.grid[:, 0], lift.in_space)
+        if moves or lifts:
+            self.mechanics.search()
         return moves or lifts
 
     def _move_in_parts(self, membrane: Membrane, correction: Correction) -> None:
@@ -377,8 +380,6 @@ class MultilevelRelaxation(Relaxation):
             self._stations = self.stations + correction.stations
             clamps = self._rim.clamps @ self.stations
             self.mechanics.move_clamps(clamps, clamps)
-        elif self.mechanics.rim is not None:
-            self.mechanics.move_stations(correction.in_space)
 
 
 def _load_of(relaxation: Relaxation) -> LoadPoint:

@@ -331,7 +331,7 @@ class SpatialMechanics(Mechanics):
         return Prolongation(self.fields, smaller.fields, self.edge)
 
     def membrane_grid(self, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> SpatialGrid:
-        return SpatialGrid(self.fields, low, cell, cells)
+        return SpatialGrid(self.fields, self.edge, low, cell, cells)
 
     def state_variables(self) -> dict[str, np.ndarray]:
         return self.fields.read_everywhere()

@@ -221,6 +221,7 @@ class PairSearch:
         ]
         # [world] load in the last search of all segments
         self._gradient, self._length_factor = np.zeros((stepper.worlds, 2, 2)), np.ones(stepper.worlds)
+        self._carried = np.zeros(stepper.worlds)  # [world] strain of the smooth motions since then, see `carry`
 
     @property
     def allowed(self) -> float:
@@ -238,11 +239,21 @@ class PairSearch:
         return np.asarray(self.stepper.strip.ranks.largest(moved) + self._load_motion(rows))
 
     def _load_motion(self, rows: np.ndarray) -> np.ndarray:
-        """[row] [m] the part of the motion that the load adds."""
+        """[row] [m] the part of the motion that the load and smooth motions add."""
         steering = self.stepper.steering
-        strain = np.abs(steering.gradient - self._gradient).sum(axis=(1, 2))
+        strain = np.abs(steering.gradient - self._gradient).sum(axis=(1, 2)) + self._carried
         strain += np.abs(steering.length_factor - self._length_factor)
         return np.asarray((steering.pair_reach * strain)[rows])
+
+    def carry(self, motion: np.ndarray, strain: float) -> float:
+        """Let the places of the last search follow a smooth motion (node, 3) [m] of the nodes of a single world.
+
+        strain: bound on the sum of its derivatives along x and y at rest. Returns the motion [m] that it counts as.
+        """
+        place = self._arrays.searched_place
+        store(place, fetch(place) + motion.astype(np.float32))
+        self._carried += strain
+        return float(self.stepper.steering.pair_reach[0]) * strain
 
     def moved_limit(self, rows: np.ndarray) -> np.ndarray:
         """[row] [m] motion beyond which nodes are searched around, after `motion`; below 0 for all; a collective call."""
@@ -278,6 +289,7 @@ class PairSearch:
         stepper.team.together([mark.launch for mark in self._mark])
         anew = rows[limit < 0.0]
         self._gradient[anew], self._length_factor[anew] = steering.gradient[anew], steering.length_factor[anew]
+        self._carried[anew] = 0.0
 
     def reach(self, pairs: PairList) -> np.ndarray:
         """[world] [m] bound on the distance at rest of two points whose segments form a pair: by what a unit strain moves them
@@ -290,14 +302,15 @@ class PairSearch:
     def state_dict(self, world: int) -> Kept:
         """Arrays of a world for a checkpoint."""
         place, director = (self.stepper.by_world(getattr(self._arrays, name))[world] for name in SEARCHED_ARRAYS)
-        at = np.append(self._gradient[world].ravel(), self._length_factor[world])
+        at = np.array([*self._gradient[world].ravel(), self._length_factor[world], self._carried[world]])
         return {"searched_place": place, "searched_director": director, "searched_load": at}
 
     def load_state_dict(self, kept: Kept, world: int) -> None:
         """Restore what `state_dict` returned."""
         for name in SEARCHED_ARRAYS:
             self.stepper.store_rows(getattr(self._arrays, name), np.array([world]), kept[name])
-        self._gradient[world], self._length_factor[world] = kept["searched_load"][:4].reshape(2, 2), kept["searched_load"][4]
+        load = kept["searched_load"]
+        self._gradient[world], self._length_factor[world], self._carried[world] = load[:4].reshape(2, 2), load[4], load[5]
 
     def find(self, pairs: PairList, before: PairList, *, filling: bool) -> None:
         """Count the pairs of each segment, or fill a list with them.

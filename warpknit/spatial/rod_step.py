@@ -365,17 +365,27 @@ class RodStepper:
         affine = self.rods.position.copy()
         affine[:, :2] = affine[:, :2] @ self.state.gradient.T
         self.shift(np.asarray(position) - affine - fetch(self.state.displacement), turn)
+        if self.contact is not None:
+            self.contact.list_near_pairs()
+        self.evaluate()
 
-    def shift(self, move: np.ndarray, turn: np.ndarray | None = None) -> None:
-        """Move nodes by (node, 3) [m] and rotate sections by angles [node] [rad]; frames follow."""
-        moved = math.sqrt(self.strip.largest_of_nodes(np.einsum("ij,ij->i", move, move)))
+    def shift(
+        self, move: np.ndarray, turn: np.ndarray | None = None, smooth: np.ndarray | None = None, strain: float = 0.0
+    ) -> None:
+        """Move nodes by (node, 3) [m] and rotate sections by angles [node] [rad]; frames follow.
+
+        smooth: the part of the motion that changes little from node to node, with `strain` as in `PairSearch.carry`.
+        """
+        rest = move if smooth is None else move - smooth
+        moved = math.sqrt(self.strip.largest_of_nodes(np.einsum("ij,ij->i", rest, rest)))
         store(self.state.displacement, fetch(self.state.displacement) + move)
         if turn is not None:
             store(self.state.pending_turn, turn)
             moved += float(self.steering.lever.max()) * self.strip.largest_of_nodes(np.abs(turn))
         if self.contact is not None:
-            self.contact.refresh(moved)
-        self.evaluate()
+            if smooth is not None:
+                moved += self.contact.carry(smooth, strain)
+            self.contact.follow(moved)
 
     def forces(self) -> tuple[np.ndarray, np.ndarray]:
         """Forces (node, 3) [N] and torques of the segments [node] [N m] of the current state."""

@@ -18,6 +18,7 @@ repeat of the edge.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -173,18 +174,20 @@ class Fields:
         self.relaxation.masses.renew(loading=True)
         self.relaxation.begin_anew()
 
-    def move(self, changes: dict[str, np.ndarray]) -> None:
-        """Change fields of the nodes of the rods by values [node]; held nodes and sections stay.
+    def move(self, changes: dict[str, np.ndarray], smooth: np.ndarray, strain: float, held: np.ndarray | None) -> None:
+        """Change fields of the nodes of the rods by values [node]; held sections stay.
 
-        The turn of a section is in addition to its rotation with the segment.
+        The turn of a section is in addition to its rotation with the segment. smooth, strain: as of `RodStepper.shift`. held:
+        (held node, 3) [m] motion of held nodes; they stay without it.
         """
         none = np.zeros(self.model.node_count)
         move = np.stack([changes.get(name, none) for name in ("x", "y", "z")], axis=1)
         move[~self.model.rods.is_free] = 0.0
-        self.stepper.evaluate()
+        if held is not None:
+            move[self.model.wires.held_node] = held
         self._pull(changes)
         self.multipliers.raise_to_floor(np.array([0]))
-        self.stepper.shift(move, np.where(self.model.rods.can_turn, changes.get("turn", none), 0.0))
+        self.stepper.shift(move, np.where(self.model.rods.can_turn, changes.get("turn", none), 0.0), smooth, strain)
         self.relaxation.masses.renew(loading=True)
         self.relaxation.begin_anew()
 
@@ -327,8 +330,8 @@ def _in_repeat(points: np.ndarray, repeat: np.ndarray) -> np.ndarray:
 class SpatialGrid(MembraneGrid):
     """A grid of `cells` (2,) from `low` (2,) [m] on, each of size `cell` (2,) [m], over a mesh."""
 
-    def __init__(self, fields: Fields, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> None:
-        self.fields, self.model = fields, fields.model
+    def __init__(self, fields: Fields, edge: Edge | None, low: np.ndarray, cell: np.ndarray, cells: np.ndarray) -> None:
+        self.fields, self.model, self._edge = fields, fields.model, edge
         self.least_lift = LEAST_LIFT * self.model.rods.section.thickness
         self.max_strain = MAX_SHIFT * self.model.rods.section.thickness / self.model.scene.knit.wale_spacing
         self._surface = Surface(low, cell, cells, fields.stepper.arrays.rest_position, self.model.device)
@@ -353,7 +356,7 @@ class SpatialGrid(MembraneGrid):
     def gather_across(self) -> np.ndarray:
         return self._across_force.read(self.fields.stepper.strip.ranks)[:, 0]
 
-    def spread(self, displacement: np.ndarray, response: Response) -> None:
+    def spread(self, displacement: np.ndarray, response: Response, stations: np.ndarray | None = None) -> None:
         x, y = self._surface.at_nodes(displacement[:, 0]), self._surface.at_nodes(displacement[:, 1])
         shear = 0.5 * (x[2] + y[1])  # sections rotate with the mesh as below
         changes = self._answer({"gradient_xx": x[1], "gradient_xy": shear, "gradient_yx": shear, "gradient_yy": y[2]}, response)
@@ -361,18 +364,30 @@ class SpatialGrid(MembraneGrid):
         (along_x, along_y) = (self._on_mesh(*slope) for slope in (x[1:], y[1:]))
         rotation = 0.5 * (along_y[0] - along_x[1]) * fetch(self.fields.stepper.state.tangent)[:, 2]
         changes["turn"] = changes.get("turn", 0.0) + rotation
-        self.fields.move(changes)
+        self._move(changes, (x, y), stations)
 
-    def spread_across(self, displacement: np.ndarray) -> None:
+    def spread_across(self, displacement: np.ndarray, stations: np.ndarray | None = None) -> None:
         stepper, rods = self.fields.stepper, self.model.rods
-        lift, *slope = self._surface.at_nodes(displacement)
-        along_x, along_y = self._on_mesh(*slope)
+        z = self._surface.at_nodes(displacement)
+        along_x, along_y = self._on_mesh(*z[1:])
         height = rods.position[:, 2] - stepper.strip.whole.position[:, 2].mean()
         tangent = fetch(stepper.state.tangent)
         turn = along_y * tangent[:, 0] - along_x * tangent[:, 1]
-        self.fields.move({"x": -along_x * height, "y": -along_y * height, "z": lift, "turn": turn})
+        nothing = (np.zeros(len(turn)),) * 3
+        changes = {"x": -along_x * height, "y": -along_y * height, "z": z[0], "turn": turn}
+        self._move(changes, (nothing, nothing, z), stations)
         velocity = stepper.state.velocity
         store(velocity, fetch(velocity) * np.array([1.0, 1.0, 0.0]))
+
+    def _move(self, changes: dict[str, np.ndarray], grid: Sequence[Sequence[np.ndarray]], stations: np.ndarray | None) -> None:
+        """Change fields of the nodes; grid: value and slopes along x and y [node] of its motion, by coordinate."""
+        smooth = np.zeros((self.model.node_count, 3))
+        slopes = np.zeros(self.model.node_count)
+        for k, (value, *along) in enumerate(grid):
+            smooth[:, k] = value
+            slopes += np.abs(along).sum(axis=0)
+        held = None if stations is None or self._edge is None else self._edge.move(stations)
+        self.fields.move(changes, smooth, self.fields.stepper.strip.largest_of_nodes(slopes), held)
 
     def _answer(self, gradient: dict[str, np.ndarray], response: Response) -> dict[str, np.ndarray]:
         """Changes of fields [node], by name, of repeats strained by the grid; gradient: [node] of the displacement."""

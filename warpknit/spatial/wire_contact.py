@@ -275,7 +275,13 @@ class WireContact:
         store(self.touch.touch_count, count)
 
     def refresh(self, moved: float | np.ndarray = 0.0, rows: np.ndarray | None = None) -> None:
-        """Search again where nodes have moved too far, else list near pairs again.
+        """Search again where nodes have moved too far, else list near pairs again; moved as for `follow`."""
+        rest = self.follow(moved, rows)
+        if len(rest):
+            self.list_near_pairs(rows=rest)
+
+    def follow(self, moved: float | np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
+        """Search again where nodes have moved too far; returns the other worlds.
 
         moved [m] or [row]: by which all may have moved, outside of steps.
         """
@@ -287,8 +293,11 @@ class WireContact:
                 # meshes without friction have no list of the pairs before, unless they stand beside others
                 keeps = self.stepper.steering.friction[own[far]] > 0.0
                 self._renew_pairs(own[far], np.where(keeps, self._search.moved_limit(own[far]), -1.0))
-            if not far.all():
-                self.list_near_pairs(rows=own[~far])
+            return own[~far]
+
+    def carry(self, motion: np.ndarray, strain: float) -> float:
+        """As `PairSearch.carry`: pairs hold while a single world follows a smooth motion (node, 3) [m]."""
+        return self._search.carry(motion, strain)
 
     def state_dict(self, world: int = 0) -> dict[str, np.ndarray]:
         """Arrays of a world for a checkpoint, on a CPU views: the pair list with its elastic slips."""
