@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from ..mechanics.protocols import Mechanics
 from ..mechanics.response import Response
@@ -83,6 +83,11 @@ def _with_cord(stiffness: sparse.csr_matrix, cord: sparse.csr_matrix) -> sparse.
     there, first = cord.tocoo(), stiffness.shape[0] - cord.shape[0]
     placed = (there.data, (there.row + first, there.col + first))
     return stiffness + sparse.csr_matrix(placed, shape=stiffness.shape)
+
+
+def _factors(matrix: sparse.csr_matrix, free: np.ndarray) -> SuperLU:
+    """Factors of the rows and columns `free` of a symmetric matrix: in an order for such, with half the entries or less."""
+    return splu(matrix[free][:, free].tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
 class Aitken:
@@ -168,7 +173,7 @@ class Membrane:
         if not tangent.any():  # before the first load
             return
         self._stiffness = (self._tied.T @ self._assembled(tangent) @ self._tied).tocsr()
-        self._solve = None if self.rim.is_free else splu(self._stiffness[self._free][:, self._free].tocsc()).solve
+        self._solve = None if self.rim.is_free else _factors(self._stiffness, self._free).solve
 
     def _assembled(self, tangent: np.ndarray) -> sparse.csr_matrix:
         """(2 grid node, 2 grid node) [N/m] stiffness of all cells, by a tangent (2, 2, 2, 2) [N/m]."""
@@ -263,7 +268,7 @@ class Membrane:
             unbalanced = force - self._stiffness @ solution
             unbalanced[edge] += (self.rim.cord_forces(gradient, there)[0] - begin).ravel()
             matrix = _with_cord(self._stiffness, self.rim.cord_stiffness(gradient, there))
-            step = splu(matrix[free][:, free].tocsc()).solve(unbalanced[free])
+            step = _factors(matrix, free).solve(unbalanced[free])
             solution[free] += step
             if np.abs(step).max() <= CORD_ERROR * np.abs(solution).max():
                 break
@@ -297,7 +302,7 @@ class Membrane:
             pulled = _with_cord(pulled, self.rim.cord_stiffness(edge.gradient, edge.stations)[2::3, 2::3])
         matrix = pulled + self._bending_stiffness / float(np.prod(self._cell)) * (laplacian @ laplacian)
         solution = np.zeros(tied.shape[1])
-        solution[free] = splu(matrix[free][:, free].tocsc()).solve(force[free])
+        solution[free] = _factors(matrix, free).solve(force[free])
         displacement = tied @ solution
         slope = self._gradient(np.repeat(displacement, 2))
         share = min(1.0, (max_slope or self.grid.max_strain) / max(float(np.abs(slope).max()), 1e-30))
