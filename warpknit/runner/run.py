@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ..base.errors import RunDirectoryError
 from ..base.files import held_directory
+from ..base.text import percent
 from ..compute.device import compile_times, find_device
 from ..compute.ranks import Ranks
 from ..mesh.layout import mesh_nodes
@@ -77,6 +78,9 @@ def run_scene(
         simulation.compile()
         if checkpoint is not None:
             checkpoint.restore(simulation)
+    if progress_so_far is not None and several is None:
+        stage = scene.stages[min(progress_so_far.stage_index, len(scene.stages) - 1)]
+        _log.info("resumed at %s of load step %s", percent(progress_so_far.load_factor), stage.name)
     compile_time = sum(times)
     if times:
         _log.info("compiled the kernels in %d s; they are kept for the next run", math.ceil(compile_time))

@@ -246,7 +246,7 @@ class PairSearch:
         return np.asarray((steering.pair_reach * strain)[rows])
 
     def carry(self, motion: np.ndarray, strain: float) -> float:
-        """Let the places of the last search follow a smooth motion (node, 3) [m] of the nodes of a single world.
+        """Let the places of the last search follow a smooth motion (node, 3) [m] in one world.
 
         strain: bound on the sum of its derivatives along x and y at rest. Returns the motion [m] that it counts as.
         """
