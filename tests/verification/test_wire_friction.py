@@ -13,6 +13,7 @@ from reference.touching import STIFFNESS, advance, line, plies, touching
 from warpknit.results.row import Row, read_rows
 from warpknit.runner.run import run_scene
 from warpknit.scene import load_scene
+from warpknit.scene.presets import HISTORY_INCREMENTS
 from warpknit.spatial.rod_relaxation import RodRelaxation
 from warpknit.spatial.rod_step import RodStepper
 from warpknit.spatial.rods import rods_of
@@ -383,9 +384,10 @@ def test_a_capstan_holds_up_to_its_law_and_runs_off_beyond(share: float) -> None
 
 
 @pytest.mark.slow
-def test_what_a_mesh_does_not_store_is_dissipated(tmp_path: Path) -> None:
+def test_what_a_mesh_does_not_store_is_dissipated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A double atlas is stretched by 10 %, let back to 5 % and stretched again: the work of the cycle is what contacts lose, a
     third of the largest stored energy. Forces at the end of an increment act on all of its slip, an error of first order."""
+    monkeypatch.setitem(HISTORY_INCREMENTS, "draft", 0.005)
     balance = []
     for frames in (10, 40):
         options = [
