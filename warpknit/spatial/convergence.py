@@ -198,7 +198,7 @@ def refuse_overlaps(near: Contacts, rods: Rods, strip: RodStrip, instead: str) -
     nodes = np.stack([near.first, near.second], axis=1)
     wires, arcs = strip.wire[rods.wire_of[nodes]], rods.arc[nodes] + near.place * rods.natural_arc[nodes]
     share = near.overlap / rods.touch_distance(near.first, near.second)
-    where = rods.position[near.first] + near.place[:, :1] * rods.rest_edge[near.first]
+    where = rods.position[near.first] + near.place[:, :1] * rods.edge_after(near.first)
     held = ~rods.is_free
     rigid = held & held[rods.following]
     is_clamped = rigid[nodes].all(axis=1) & (near.overlap > CLAMPED * rods.section.thickness)

@@ -376,8 +376,8 @@ class RodStepper:
 
         smooth: the part of the motion that changes little from node to node, with `strain` as in `PairSearch.carry`.
         """
-        rest = move if smooth is None else move - smooth
-        moved = math.sqrt(self.strip.largest_of_nodes(np.einsum("ij,ij->i", rest, rest)))
+        square = np.sum((move if smooth is None else move - smooth) ** 2, axis=1)
+        moved = math.sqrt(self.strip.largest_of_nodes(square))
         store(self.state.displacement, fetch(self.state.displacement) + move)
         if turn is not None:
             store(self.state.pending_turn, turn)

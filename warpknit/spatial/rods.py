@@ -120,9 +120,17 @@ class Rods:
         """[contact] [m] distance at which wires touch, by the nodes before their segments."""
         return self.wire_radius[self.wire_of[first]] + self.wire_radius[self.wire_of[second]]
 
-    @cached_property
+    @property
     def rest_edge(self) -> np.ndarray:
         """(node, 3) [m] edge to the next node; at the end of an open wire, the previous edge."""
+        return self.edge_after()
+
+    def edge_after(self, nodes: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """(node, 3) [m] `rest_edge` of some nodes."""
+        return np.asarray(self.of_rows._edge_of_row[self.row[nodes]])
+
+    @cached_property
+    def _edge_of_row(self) -> np.ndarray:
         after = self.following
         edge = self.position[after] - self.position
         last = self.wire_first + self.wire_count - 1
@@ -145,7 +153,7 @@ class Rods:
         angle = twist(self.director[before], self.director, tangent[before], tangent)
         return np.where((self.following >= 0) & (before >= 0), angle, 0.0)
 
-    @cached_property
+    @property
     def bow_weights(self) -> tuple[np.ndarray, np.ndarray]:
         """Weights [node] of squared turns in the bow of a segment (kernels/rod_forces.py)."""
         node = np.maximum(self.node_length, 1e-300)
@@ -237,6 +245,7 @@ class Rods:
         """Copies of these wires, moved by shift (copy, 3) [m]; a wire may be copied more than once."""
         node, count = self.nodes_of(wires), self.wire_count[wires]
         parts = {name: getattr(self, name)[node] for name in OF_NODES if getattr(self, name) is not None}
+        parts["node_stiffness"] = None  # of the forms
         parts |= {name: getattr(self, name)[wires] for name in OF_WIRES}
         parts["position"] += np.repeat(shift, count, axis=0)
         sections = tuple(self.sections[wire] for wire in wires) if self.sections else ()

@@ -43,7 +43,7 @@ class Sites:
         place = []
         for wire, seed in zip(self._wire.T, self._seed.T, strict=True):
             node = rods.wire_first[wire] + np.clip(seed, 0, rods.wire_count[wire] - 1).astype(int)
-            place.append(rods.position[node] + (seed - np.floor(seed))[:, None] * rods.rest_edge[node])
+            place.append(rods.position[node] + (seed - np.floor(seed))[:, None] * rods.edge_after(node))
         apart = place[0] - place[1]
         self.shift = self._tile * np.rint(np.divide(apart, self._tile, out=np.zeros_like(apart), where=self._tile > 0))
 

@@ -315,7 +315,7 @@ def _at_rest(contact: WireContact, pair: np.ndarray, place: np.ndarray) -> np.nd
     """(contact, 6) [m] at rest: a place on the first segment of a pair, and the way from there to that on the second."""
     pairs, rods = contact.pairs, contact.stepper.rods
     first, second = (fetch(x)[pair] for x in (pairs.pair_first, pairs.pair_second))
-    one, two = (rods.position[k] + place[:, n, None] * rods.rest_edge[k] for n, k in enumerate((first, second)))
+    one, two = (rods.position[k] + place[:, n, None] * rods.edge_after(k) for n, k in enumerate((first, second)))
     return np.concatenate([one, two + fetch(pairs.pair_shift)[pair] - one], axis=1)
 
 
@@ -364,7 +364,9 @@ class SpatialGrid(MembraneGrid):
         (along_x, along_y) = (self._on_mesh(*slope) for slope in (x[1:], y[1:]))
         rotation = 0.5 * (along_y[0] - along_x[1]) * fetch(self.fields.stepper.state.tangent)[:, 2]
         changes["turn"] = changes.get("turn", 0.0) + rotation
-        self._move(changes, (x, y), stations)
+        smooth = self._smooth(x, y)
+        del x, y, shear, along_x, along_y, rotation
+        self._move(changes, *smooth, stations)
 
     def spread_across(self, displacement: np.ndarray, stations: np.ndarray | None = None) -> None:
         stepper, rods = self.fields.stepper, self.model.rods
@@ -375,19 +377,23 @@ class SpatialGrid(MembraneGrid):
         turn = along_y * tangent[:, 0] - along_x * tangent[:, 1]
         nothing = (np.zeros(len(turn)),) * 3
         changes = {"x": -along_x * height, "y": -along_y * height, "z": z[0], "turn": turn}
-        self._move(changes, (nothing, nothing, z), stations)
+        self._move(changes, *self._smooth(nothing, nothing, z), stations)
         velocity = stepper.state.velocity
         store(velocity, fetch(velocity) * np.array([1.0, 1.0, 0.0]))
 
-    def _move(self, changes: dict[str, np.ndarray], grid: Sequence[Sequence[np.ndarray]], stations: np.ndarray | None) -> None:
-        """Change fields of the nodes; grid: value and slopes along x and y [node] of its motion, by coordinate."""
-        smooth = np.zeros((self.model.node_count, 3))
+    def _smooth(self, *grid: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
+        """Motion (node, 3) [m] of the grid, and the largest sum of its slopes; grid: value and slopes [node] by coordinate."""
+        smooth = np.zeros((self.model.node_count, 3), dtype=np.float32)
         slopes = np.zeros(self.model.node_count)
         for k, (value, *along) in enumerate(grid):
             smooth[:, k] = value
             slopes += np.abs(along).sum(axis=0)
+        return smooth, self.fields.stepper.strip.largest_of_nodes(slopes)
+
+    def _move(self, changes: dict[str, np.ndarray], smooth: np.ndarray, strain: float, stations: np.ndarray | None) -> None:
+        """Change fields of the nodes, and the edge; smooth, strain: as of `RodStepper.shift`."""
         held = None if stations is None or self._edge is None else self._edge.move(stations)
-        self.fields.move(changes, smooth, self.fields.stepper.strip.largest_of_nodes(slopes), held)
+        self.fields.move(changes, smooth, strain, held)
 
     def _answer(self, gradient: dict[str, np.ndarray], response: Response) -> dict[str, np.ndarray]:
         """Changes of fields [node], by name, of repeats strained by the grid; gradient: [node] of the displacement."""
