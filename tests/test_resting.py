@@ -35,7 +35,7 @@ def rests(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def begin(blocks: rod_relaxation.RestingBlocks) -> None:
         blocks.wake()
-        blocks.allow()
+        blocks._is_allowed[:] = True
 
     monkeypatch.setattr(rod_relaxation.RestingBlocks, "begin", begin)
 

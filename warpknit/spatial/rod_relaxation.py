@@ -66,7 +66,7 @@ class RestingBlocks:
     balance moves again.
     """
 
-    KEPT = ("_is_stale", "_is_allowed")
+    KEPT = ("_is_stale", "_is_allowed", "is_corrected")
 
     def __init__(self, stepper: RodStepper) -> None:
         self._stepper = stepper
@@ -84,6 +84,7 @@ class RestingBlocks:
         self._partial = zeros((len(self._first), int(k.STATE_COLUMNS)), wp.float64, stepper.device)
         self._launch = stepper.launcher()
         self._is_allowed = np.zeros(stepper.worlds, dtype=bool)
+        self.is_corrected = np.zeros(stepper.worlds, dtype=bool)  # membrane corrections bound the error of long waves
         self._is_stale = np.zeros(stepper.worlds, dtype=bool)  # the state has been moved from outside since the last evaluation
 
     @property
@@ -93,12 +94,12 @@ class RestingBlocks:
 
     def begin(self) -> None:
         """Begin a load: all blocks move."""
-        self._is_allowed[:] = False
+        self._is_allowed[:] = self.is_corrected[:] = False
         self.wake()
 
     def allow(self) -> None:
-        """Let blocks rest under the present load."""
-        self._is_allowed[:] = True
+        """Let blocks rest under the present load, with membrane corrections."""
+        self._is_allowed[:] = self.is_corrected[:] = True
 
     def end(self) -> None:
         """Let all blocks move up to the next load."""
@@ -231,9 +232,12 @@ class AdaptiveDamping:
 
         Where a contact comes and goes, its nodes vibrate about an equilibrium. Vibrations count VIBRATION times less, with
         diagonal masses, which overestimate smooth motion (SMOOTH). knows_smooth: motion with equal energies by banded masses and
-        mean motion is no vibration: a loose mesh drifts for long with hardly any force.
+        mean motion is no vibration: a loose mesh drifts for long with hardly any force. Where membrane corrections bound the
+        error of long waves, all motion has banded masses.
         """
         whole, mean = 0.5 * self._stepper.steering.kinetic_twice[rows], self._mean_energy[rows]
+        if (is_corrected := self._resting.is_corrected[rows]).any():
+            whole = np.where(is_corrected, 0.5 * self._masses.twice_kinetic_energy(rows), whole)
         vibrates = ~(whole / self._vibration**2 <= mean)
         if vibrates.any():
             banded = 0.5 * self._masses.twice_kinetic_energy(rows)
