@@ -28,7 +28,7 @@ from .control import (
     STRONGEST_PART,
     TIME_STEP,
     VELOCITY_FACTOR,
-)
+)  # fmt: skip
 
 
 @wp.func

@@ -67,18 +67,6 @@ def step_bodies(
     if control[STATUS] != STATUS_RUNNING:
         return
     step_block_of_bodies(
-        first_block + thread / threads_a_block,
-        thread % threads_a_block,
-        control,
-        type(unit)(rounding_phase(control[STEP])),
-        unit,
-        slow_when_free,
-        pair_force,
-        pair_body_x,
-        pair_body_y,
-        ux,
-        uy,
-        vx,
-        vy,
-        partial,
-    )
+        first_block + thread / threads_a_block, thread % threads_a_block, control, type(unit)(rounding_phase(control[STEP])),
+        unit, slow_when_free, pair_force, pair_body_x, pair_body_y, ux, uy, vx, vy, partial,
+    )  # fmt: skip

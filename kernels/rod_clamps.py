@@ -26,7 +26,7 @@ from .control import (
     STRONGEST_PART,
     TIME_STEP,
     VELOCITY_FACTOR,
-)
+)  # fmt: skip
 from .wire_travel import add_travel
 
 

@@ -103,22 +103,6 @@ def update_frames(
         return
     if not is_halted(own) and not (own[STATUS] == STATUS_RUNNING and block_rest[block] == RESTS):
         frames_of_block(
-            block,
-            thread % threads_a_block,
-            block_first,
-            block_count,
-            block_wire,
-            wire_first,
-            wire_count,
-            wire_closed,
-            rest_row,
-            rest_position,
-            rest_edge,
-            own,
-            displacement,
-            pending_turn,
-            tangent,
-            director,
-            position,
-            length,
-        )
+            block, thread % threads_a_block, block_first, block_count, block_wire, wire_first, wire_count, wire_closed, rest_row,
+            rest_position, rest_edge, own, displacement, pending_turn, tangent, director, position, length,
+        )  # fmt: skip

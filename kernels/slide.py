@@ -22,7 +22,7 @@ from .control import (
     STATUS_RUNNING,
     STRONGEST_PART,
     VELOCITY_FACTOR,
-)
+)  # fmt: skip
 
 
 @wp.kernel

@@ -28,7 +28,7 @@ from .wire_curve import (
     row,
     sag,
     stencil,
-)
+)  # fmt: skip
 from .wire_minima import (
     NEWTON_ACCURACY,
     are_distinct,
@@ -40,7 +40,7 @@ from .wire_minima import (
     nearest_sample,
     projected_end,
     saddle_of,
-)
+)  # fmt: skip
 from .wire_near import first_of_nodes, first_of_part, first_of_share
 from .wire_travel import travel_of_pair
 

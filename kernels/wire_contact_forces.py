@@ -36,7 +36,7 @@ from .control import (
     STEP,
     TIME_STEP,
     is_halted,
-)
+)  # fmt: skip
 from .rod_frames import affine_map
 from .wire_closest import FOLLOWED_FORCE, NOT_NEAR, ONE_PLACE
 from .wire_curve import Bump, curve_through, derivative_at, node_weights, point_at, rest_shape, row, section_offsets, stencil
