@@ -71,8 +71,8 @@ def follow_contacts(
     stick_share: wp.float64,
     # in and out: elastic slips, see find_contact_forces
     slip_step: wp.array2d(dtype=wp.int32),
-    slip_place: wp.array2d(dtype=wp.vec2d),
-    elastic_slip: wp.array2d(dtype=wp.vec3d),
+    slip_place: wp.array2d(dtype=wp.vec2),
+    elastic_slip: wp.array2d(dtype=wp.vec3),
     # in and out: see find_closest_places
     pair_wake_travel: wp.array(dtype=wp.float64),
     pair_found: wp.array(dtype=wp.int32),
@@ -148,8 +148,8 @@ def find_followed_contacts(
     stick_share: wp.float64,
     # in and out: elastic slips, see find_contact_forces
     slip_step: wp.array2d(dtype=wp.int32),
-    slip_place: wp.array2d(dtype=wp.vec2d),
-    elastic_slip: wp.array2d(dtype=wp.vec3d),
+    slip_place: wp.array2d(dtype=wp.vec2),
+    elastic_slip: wp.array2d(dtype=wp.vec3),
     # in and out: see find_closest_places
     pair_wake_travel: wp.array(dtype=wp.float64),
     pair_found: wp.array(dtype=wp.int32),

@@ -161,8 +161,8 @@ def find_contact_forces(
     before_control: wp.array2d(dtype=wp.float64),
     # in and out: elastic slip, double-buffered by the parity of the step
     slip_step: wp.array2d(dtype=wp.int32),
-    slip_place: wp.array2d(dtype=wp.vec2d),
-    elastic_slip: wp.array2d(dtype=wp.vec3d),
+    slip_place: wp.array2d(dtype=wp.vec2),
+    elastic_slip: wp.array2d(dtype=wp.vec3),
     # out: of each place, [m] overlap, [N] normal force and friction on the first wire, unit normal towards it
     touch_overlap: wp.array(dtype=wp.float64),
     touch_normal_force: wp.array(dtype=wp.float64),
@@ -343,8 +343,8 @@ def find_contact_forces(
                     step = int(steer[STEP])
                     after = (step + 1) % 2
                     slip_step[after, 2 * pair + a] = step + 1
-                    slip_place[after, 2 * pair + a] = place
-                    elastic_slip[after, 2 * pair + a] = wp.where(is_increment and is_running, elastic, slip)
+                    slip_place[after, 2 * pair + a] = wp.vec2(place)
+                    elastic_slip[after, 2 * pair + a] = wp.vec3(wp.where(is_increment and is_running, elastic, slip))
             if a < 2:
                 wp.atomic_max(max_penetration, part + world, 0, contact_distance - distance)
             touch_normal_force[k] = normal_force

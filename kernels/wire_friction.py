@@ -88,8 +88,8 @@ def previous_slip(
     pair_second: wp.array(dtype=wp.int32),
     pair_shift: wp.array(dtype=wp.vec3d),
     slip_step: wp.array2d(dtype=wp.int32),
-    slip_place: wp.array2d(dtype=wp.vec2d),
-    elastic_slip: wp.array2d(dtype=wp.vec3d),
+    slip_place: wp.array2d(dtype=wp.vec2),
+    elastic_slip: wp.array2d(dtype=wp.vec3),
 ) -> wp.vec3d:
     """Elastic slip [m] of the first wire over the second, at places on them.
 
@@ -99,10 +99,11 @@ def previous_slip(
     nearest = wp.float64(3.0)
     for k in range(2 * pair, 2 * pair + 2):
         if slip_step[half, k] >= oldest:
-            distance = wp.abs(slip_place[half, k][0] - place[0]) + wp.abs(slip_place[half, k][1] - place[1])
+            own_place = wp.vec2d(slip_place[half, k])
+            distance = wp.abs(own_place[0] - place[0]) + wp.abs(own_place[1] - place[1])
             if distance < nearest:
                 nearest = distance
-                slip = elastic_slip[half, k]
+                slip = wp.vec3d(elastic_slip[half, k])
     if nearest < wp.float64(3.0):
         return slip
     nearest = MAX_HANDOVER
@@ -123,8 +124,8 @@ def previous_slip(
             if other >= 0:
                 for k in range(2 * other, 2 * other + 2):
                     if slip_step[half, k] >= oldest:
-                        place_there = slip_place[half, k]
-                        slip_there = elastic_slip[half, k]
+                        place_there = wp.vec2d(slip_place[half, k])
+                        slip_there = wp.vec3d(elastic_slip[half, k])
                         if is_swapped:
                             place_there = wp.vec2d(place_there[1], place_there[0])
                             slip_there = -slip_there
@@ -248,8 +249,8 @@ def transfer_elastic_slip(
     old_second: wp.array(dtype=wp.int32),
     old_shift: wp.array(dtype=wp.vec3d),
     old_slip_step: wp.array2d(dtype=wp.int32),
-    old_slip_place: wp.array2d(dtype=wp.vec2d),
-    old_elastic_slip: wp.array2d(dtype=wp.vec3d),
+    old_slip_place: wp.array2d(dtype=wp.vec2),
+    old_elastic_slip: wp.array2d(dtype=wp.vec3),
     # in: the pairs now
     pair_start: wp.array(dtype=wp.int32),
     pair_count_of: wp.array(dtype=wp.int32),
@@ -257,8 +258,8 @@ def transfer_elastic_slip(
     pair_shift: wp.array(dtype=wp.vec3d),
     # out: in the half that the next step writes, so that the list before may have the same arrays
     slip_step: wp.array2d(dtype=wp.int32),
-    slip_place: wp.array2d(dtype=wp.vec2d),
-    elastic_slip: wp.array2d(dtype=wp.vec3d),
+    slip_place: wp.array2d(dtype=wp.vec2),
+    elastic_slip: wp.array2d(dtype=wp.vec3),
 ):
     """Copy elastic slips of the pairs before to the present ones; a thread a segment. A pair has two contacts."""
     i = wp.tid()
@@ -285,8 +286,8 @@ def take_elastic_slip(
     pair_count_of: wp.array(dtype=wp.int32),
     # in and out
     slip_step: wp.array2d(dtype=wp.int32),
-    slip_place: wp.array2d(dtype=wp.vec2d),
-    elastic_slip: wp.array2d(dtype=wp.vec3d),
+    slip_place: wp.array2d(dtype=wp.vec2),
+    elastic_slip: wp.array2d(dtype=wp.vec3),
 ):
     """Copy what `transfer_elastic_slip` has found to the half that the next step reads; a thread a segment."""
     i = wp.tid()

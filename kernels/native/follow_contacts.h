@@ -226,10 +226,10 @@ if (lane > 0) return;
                     if (rubs && is_running && a < 2 && counts && force_here != 0) {
                         const int there = next_half + 2 * pair + a;
                         slip_step.data[there] = step_number + 1;
-                        double* at_place = (double*)(slip_place.data + there);
+                        float* at_place = (float*)(slip_place.data + there);
                         at_place[0] = place[2 * a];
                         at_place[1] = place[2 * a + 1];
-                        double* slip = (double*)(elastic_slip.data + there);
+                        float* slip = (float*)(elastic_slip.data + there);
                         put(slip, elastic[a], l);
                     }
                     if (is_running && !is_driven_now) continue; // other steps need forces and couples alone

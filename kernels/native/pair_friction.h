@@ -3,8 +3,8 @@
 vec friction[2] = {nothing, nothing}, elastic[2] = {nothing, nothing}, turn[2][2]; // [place]; couples [place][side]
 real share[2][2][3];                                                               // weights of sections [place][side][section]
 if (rubs && any(loaded & no(failed))) {
-    const double* known_slip = (const double*)elastic_slip.data;
-    const double* known_place = (const double*)slip_place.data;
+    const float* known_slip = (const float*)elastic_slip.data;
+    const float* known_place = (const float*)slip_place.data;
     const real then = real(before_control.data[LENGTH_FACTOR]);
     const powers earlier[2] = {wire_of(here.earlier[0], of_p, then).curve, wire_of(here.earlier[1], of_q, then).curve};
     UNROLLED

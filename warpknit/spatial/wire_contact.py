@@ -38,7 +38,7 @@ from .rest_curve import RestCurve, catmull_rom
 from .rod_step import RodStepper
 
 # memory of one pair, its elastic slips, and of a pair that may touch
-PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2) + 4 * 11, 2 * SLIPS * (8 * (3 + 2) + 4)
+PAIR_BYTES, SLIP_BYTES = 8 * (3 + 3 + PLACES * 2) + 4 * 11, 2 * SLIPS * 4 * (3 + 2 + 1)
 TOUCH_BYTES = 8 * (3 * (8 + 6) + PLACES * (3 + 2 * 3)) + 4 * 7
 STICK_SHARE = 0.5  # tangential over normal stiffness
 CACHE_LINE = 8  # numbers
