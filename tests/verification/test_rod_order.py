@@ -119,8 +119,9 @@ def test_few_nodes_give_the_largest_stress() -> None:
 def test_moments_between_the_nodes_follow_from_statics() -> None:
     """M_(j+1) = M_j - e x n + sum of (x_(j+1) - p) x F over the contacts of a segment, within what is left out of balance."""
     r = stretched(16, "solver.residual_tolerance=1e-4")
-    rods, edge, at = r.model.rods, r.curve.edge, _pushes(r)
-    moment, force, after = _node_moments(r), r.segment_force, rods.following
+    rods, at, nodes = r.model.rods, _pushes(r), np.arange(r.model.node_count)
+    edge = r.curve.behind(nodes).edge
+    moment, force, after = _node_moments(r, nodes), r.segment_force, rods.following
     # the model's own loads: on four nodes and three sections
     weights = node_weights(r.model.curve, at.node, at.place)
     parts = section_offsets(rods, r.model.curve, r.segment_tangent, r.director, at.node, at.place)

@@ -222,7 +222,7 @@ def curve_about(rods: Rods, reading: SpatialObservables, node: int) -> np.ndarra
     for _ in range(SEEN):
         segments.insert(0, int(rods.previous[segments[0]]))
         segments.append(int(rods.following[segments[-1]]))
-    edges = reading.curve.edge[segments]
+    edges = reading.curve.behind(np.array(segments)).edge
     start = reading.position[node] + np.cumsum(edges, axis=0) - edges - edges[:SEEN].sum(axis=0)
     segment, place = np.repeat(segments, PARTS), np.tile(np.arange(PARTS) / PARTS, len(segments))
     return np.repeat(start, PARTS, axis=0) + reading.curve.offset(segment, place)

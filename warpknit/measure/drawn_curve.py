@@ -7,9 +7,9 @@ On the segment behind a node and relative to it, for s in 0 .. 1,
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import wraps
 
 import numpy as np
 
@@ -19,52 +19,66 @@ from ..results.frame import WireLayout
 AT_ONCE = 65536  # points
 
 
-def _in_parts(points: Callable[[WireCurve, np.ndarray, np.ndarray], np.ndarray]) -> Callable[..., np.ndarray]:
-    """(m, 3) points, some at a time: a large mesh has no memory for all at once."""
-
-    @wraps(points)
-    def found(curve: WireCurve, node: np.ndarray, s: np.ndarray) -> np.ndarray:
-        every = np.empty((len(node), 3))
-        for begin in range(0, len(node), AT_ONCE):
-            part = slice(begin, begin + AT_ONCE)
-            every[part] = points(curve, node[part], s[part])
-        return every
-
-    return found
-
-
 @dataclass(frozen=True)
-class WireCurve:
-    """Arrays [node], of the segment behind it; zero behind the last node of an open wire."""
+class Segments:
+    """Segments of a curve; arrays [segment], zero behind the last node of an open wire."""
 
-    edge: np.ndarray  # (node, 3) [m] to the next node
-    begin: np.ndarray  # (node, 3) [m] slope dp/ds at its first node
-    end: np.ndarray  # (node, 3) [m] and at its second
-    bump: np.ndarray  # (node, power, 3) [m]
+    edge: np.ndarray  # (segment, 3) [m] to the next node
+    begin: np.ndarray  # (segment, 3) [m] slope dp/ds at its first node
+    end: np.ndarray  # (segment, 3) [m] and at its second
+    bump: np.ndarray  # (segment, power, 3) [m]
 
-    @_in_parts
-    def offset(self, node: np.ndarray, s: np.ndarray) -> np.ndarray:
-        """Offset (m, 3) [m] from the node, at s (m,) on the segments behind nodes (m,)."""
-        s = s[:, None]
+    def at(self, segment: np.ndarray) -> Segments:
+        """Those with these numbers."""
+        return Segments(self.edge[segment], self.begin[segment], self.end[segment], self.bump[segment])
+
+    def offset(self, s: np.ndarray | float) -> np.ndarray:
+        """(segment, 3) [m] from the first node to the point at s, one or [segment]."""
+        s = np.broadcast_to(s, len(self.edge))[:, None]
         h10, h01, h11 = hermite(s)
-        smooth = h10 * self.begin[node] + h01 * self.edge[node] + h11 * self.end[node]
+        smooth = h10 * self.begin + h01 * self.edge + h11 * self.end
         powers = s ** np.arange(self.bump.shape[1])
-        return smooth + (s * (1 - s)) ** 2 * np.einsum("mp,mpa->ma", powers, self.bump[node])
+        return np.asarray(smooth + (s * (1 - s)) ** 2 * np.einsum("mp,mpa->ma", powers, self.bump))
 
-    @_in_parts
-    def derivative(self, node: np.ndarray, s: np.ndarray) -> np.ndarray:
-        """(m, 3) [m] dp/ds at s (m,) on the segments behind nodes (m,)."""
-        s = s[:, None]
-        smooth = (1 - s) * (1 - 3 * s) * self.begin[node] + 6 * s * (1 - s) * self.edge[node] + s * (3 * s - 2) * self.end[node]
+    def derivative(self, s: np.ndarray | float) -> np.ndarray:
+        """(segment, 3) [m] dp/ds at s, one or [segment]."""
+        s = np.broadcast_to(s, len(self.edge))[:, None]
+        smooth = (1 - s) * (1 - 3 * s) * self.begin + 6 * s * (1 - s) * self.edge + s * (3 * s - 2) * self.end
         power = np.arange(self.bump.shape[1])
         shape = (s * (1 - s)) * (2 * (1 - 2 * s) * s**power + (1 - s) * power * s**power)
-        return smooth + np.einsum("mp,mpa->ma", shape, self.bump[node])
+        return np.asarray(smooth + np.einsum("mp,mpa->ma", shape, self.bump))
+
+
+def parts_of(count: int) -> Iterator[slice]:
+    """Parts of so many points: a large mesh has no memory for all at once."""
+    return (slice(begin, min(begin + AT_ONCE, count)) for begin in range(0, count, AT_ONCE))
+
+
+class WireCurve(ABC):
+    """The curve through the nodes of a mesh, whose segments are found as they are asked for."""
+
+    edges: Edges
+
+    @abstractmethod
+    def behind(self, node: np.ndarray) -> Segments:
+        """The segments behind nodes (m,)."""
+
+    def offset(self, node: np.ndarray, s: np.ndarray) -> np.ndarray:
+        """Offset (m, 3) [m] from the node, at s (m,) on the segments behind nodes (m,)."""
+        every = np.empty((len(node), 3))
+        for part in parts_of(len(node)):
+            every[part] = self.behind(node[part]).offset(s[part])
+        return every
 
     def between(self, parts: int) -> np.ndarray:
         """(node, parts - 1, 3) [m] the same at equal steps of s (`Frame.between`)."""
-        nodes = np.arange(len(self.edge))
-        places = [self.offset(nodes, np.full(len(nodes), k / parts)) for k in range(1, parts)]
-        return np.stack(places, axis=1).astype(np.float32) if places else np.zeros((0, 0, 3), dtype=np.float32)
+        nodes = np.arange(len(self.edges.behind) if parts > 1 else 0)
+        every = np.empty((len(nodes), parts - 1, 3), dtype=np.float32)
+        for part in parts_of(len(nodes)):
+            segments = self.behind(nodes[part])
+            for k in range(1, parts):
+                every[part, k - 1] = segments.offset(k / parts)
+        return every
 
 
 @dataclass(frozen=True)
@@ -94,26 +108,31 @@ def edges_of(layout: WireLayout, position: np.ndarray, deformation: np.ndarray) 
     return Edges(before, behind, following, has_segment)
 
 
-def curve_of(edges: Edges, rise: np.ndarray, bump: np.ndarray) -> WireCurve:
-    """The curve with slopes (e_before + e)/2 + `rise` (node, 3) [m] at the nodes."""
-    slope = 0.5 * (edges.before + edges.behind) + rise
-    has = edges.has_segment[:, None]
-    zero = np.zeros(3)
-    return WireCurve(
-        np.where(has, edges.behind, zero),
-        np.where(has, slope, zero),
-        np.where(has, slope[edges.following], zero),
-        np.where(has[:, None], bump, zero),
-    )
-
-
-def planar_curve(layout: WireLayout, position: np.ndarray, deformation: np.ndarray, shape: np.ndarray) -> WireCurve:
+@dataclass(frozen=True)
+class PlanarCurve(WireCurve):
     """Curve of the planar model; `shape` (node, CURVE_COEFFICIENTS) as in kernels/contact.py. Heights are Catmull-Rom."""
-    edges = edges_of(layout, position, deformation)
-    mean = 0.5 * (edges.before + edges.behind)
-    rise = shape[:, :1] * _flat(mean) + shape[:, 1:2] * _turned(mean)
-    along, across = shape[:, 2:6, None], shape[:, 6:10, None]
-    return curve_of(edges, rise, along * _flat(edges.behind)[:, None] + across * _turned(edges.behind)[:, None])
+
+    edges: Edges
+    shape: np.ndarray
+
+    def behind(self, node: np.ndarray) -> Segments:
+        edge, shape = self.edges.behind[node], self.shape[node]
+        along, across = shape[:, 2:6, None], shape[:, 6:10, None]
+        bump = along * _flat(edge)[:, None] + across * _turned(edge)[:, None]
+        has = self.edges.has_segment[node][:, None]
+        begin, end = self._slope(node), self._slope(self.edges.following[node])
+        edge, begin, end = (np.where(has, vector, 0.0) for vector in (edge, begin, end))
+        return Segments(edge, begin, end, np.where(has[:, None], bump, 0.0))
+
+    def _slope(self, node: np.ndarray) -> np.ndarray:
+        """(m, 3) [m] at nodes: (e_before + e)/2, turned by the shape."""
+        mean, shape = 0.5 * (self.edges.before[node] + self.edges.behind[node]), self.shape[node]
+        return np.asarray(mean + shape[:, :1] * _flat(mean) + shape[:, 1:2] * _turned(mean))
+
+
+def planar_curve(layout: WireLayout, position: np.ndarray, deformation: np.ndarray, shape: np.ndarray) -> PlanarCurve:
+    """The curve through nodes at `position` (node, 3) [m]."""
+    return PlanarCurve(edges_of(layout, position, deformation), shape)
 
 
 def _flat(vector: np.ndarray) -> np.ndarray:

@@ -26,6 +26,7 @@ import numpy as np
 
 from ..compute.host import fetch, store
 from ..compute.steering import Steering
+from ..measure.drawn_curve import parts_of
 from .node_stiffness import node_frame
 from .rest_curve import node_weights, section_offsets
 from .rod_arrays import RodArrays, RodState
@@ -52,11 +53,14 @@ def bending_moments(r: Any) -> tuple[np.ndarray, ...]:
     contacts, and the segment of each.
     """
     rods, curve = r.model.rods, r.curve
-    before, after, edge = rods.previous, rods.following, curve.edge
+    before, after = rods.previous, rods.following
+    edge = np.where(curve.edges.has_segment[:, None], curve.edges.behind, 0.0)
     at = _pushes(r)
     weights = _weights(r, at)
     parts = r.length_factor * section_offsets(rods, r.model.curve, r.segment_tangent, r.director, at.node, at.place)
-    moment, force = _node_moments(r), r.segment_force.copy()
+    force, moment = r.segment_force.copy(), np.empty((rods.node_count, 3))
+    for part in parts_of(rods.node_count):
+        moment[part] = _node_moments(r, np.arange(part.start, part.stop))
     behind = after[at.node]
     np.add.at(moment, at.node, np.cross(-weights[:, :1] * edge[before[at.node]] + parts[:, 0], at.force))
     np.add.at(moment, behind, -np.cross(weights[:, 3:] * edge[behind] + parts[:, 2], at.force))
@@ -64,30 +68,32 @@ def bending_moments(r: Any) -> tuple[np.ndarray, ...]:
     np.add.at(force, before[at.node], weights[:, :1] * at.force)
     np.add.at(force, at.node, (weights[:, :1] + weights[:, 1:2]) * at.force)
     np.add.at(force, behind, -weights[:, 3:] * at.force)
-    nodes = np.arange(rods.node_count)
-    elastic = rods.slope_length > 0.0
-    sizes = []
-    for s in BETWEEN:
-        reach = curve.offset(nodes, np.full(len(nodes), s))
-        found = moment - np.cross(reach, force)
-        passed = at.place < s
-        lever = reach[at.node] - curve.offset(at.node, at.place)
-        np.add.at(found, at.node[passed], np.cross(lever, at.force)[passed])
-        sizes.append(np.where(elastic, _bending(found, curve.derivative(nodes, np.full(len(nodes), s))), 0.0))
-    under = moment[at.node] - np.cross(curve.offset(at.node, at.place), force[at.node])
-    largest = int(np.unique(at.node, return_counts=True)[1].max(initial=0))  # number of pushes on a segment
-    for lag in range(1, largest):
-        same = at.node[lag:] == at.node[:-lag]
-        lever = curve.offset(at.node[lag:], at.place[lag:]) - curve.offset(at.node[:-lag], at.place[:-lag])
-        under[lag:] += np.where(same[:, None], np.cross(lever, at.force[:-lag]), 0.0)
-    peak = np.where(elastic[at.node], _bending(under, curve.derivative(at.node, at.place)), 0.0)
+    elastic, along = rods.slope_length > 0.0, np.empty_like(moment)
+    sizes, peak = np.empty((rods.node_count, len(BETWEEN))), np.empty(len(at.node))
+    for part in parts_of(rods.node_count):
+        segments, own = curve.behind(np.arange(part.start, part.stop)), slice(*np.searchsorted(at.node, [part.start, part.stop]))
+        along[part] = segments.begin
+        node, place, push = at.node[own] - part.start, at.place[own], at.force[own]
+        pushed = segments.at(node)
+        reach = pushed.offset(place)
+        for k, s in enumerate(BETWEEN):
+            end = segments.offset(s)
+            found = moment[part] - np.cross(end, force[part])
+            passed = place < s
+            np.add.at(found, node[passed], np.cross(end[node] - reach, push)[passed])
+            sizes[part, k] = np.where(elastic[part], _bending(found, segments.derivative(s)), 0.0)
+        under = moment[part][node] - np.cross(reach, force[part][node])
+        largest = int(np.unique(node, return_counts=True)[1].max(initial=0))  # number of pushes on a segment
+        for lag in range(1, largest):
+            same = node[lag:] == node[:-lag]
+            under[lag:] += np.where(same[:, None], np.cross(reach[lag:] - reach[:-lag], push[:-lag]), 0.0)
+        peak[own] = np.where(elastic[part][node], _bending(under, pushed.derivative(place)), 0.0)
     # a clamp in the middle of a rigid segment: at the outer one of its nodes
     first, last = clamped_ends(rods)
     moment[first] = moment[after[first]] + np.cross(0.5 * edge[first], force[after[first]])
     moment[after[last]] = moment[last] - np.cross(0.5 * edge[last], force[before[last]])
-    along = curve.begin.copy()
     along[after[last]] = edge[last]
-    return _bending(moment, along), np.stack(sizes, axis=1), peak, at.node
+    return _bending(moment, along), sizes, peak, at.node
 
 
 def clamped_ends(rods: Rods) -> tuple[np.ndarray, np.ndarray]:
@@ -114,16 +120,15 @@ def _weights(r: Any, at: _Pushes) -> np.ndarray:
     return np.asarray(w.T)
 
 
-def _node_moments(r: Any) -> np.ndarray:
-    """(node, 3) [N m] at the nodes, from the moments along the directors."""
-    rods, t, d = r.model.rods, r.segment_tangent, r.director
-    before = rods.previous
-    inside = ((before >= 0) & (rods.following >= 0))[:, None]
-    e, f = t[before], t
+def _node_moments(r: Any, node: np.ndarray) -> np.ndarray:
+    """(m, 3) [N m] at nodes (m,), from the moments along the directors."""
+    before, d = r.model.rods.previous[node], r.director
+    inside = ((before >= 0) & (r.model.rods.following[node] >= 0))[:, None]
+    e, f = r.segment_tangent[before], r.segment_tangent[node]
     cosine = np.clip(np.sum(e * f, axis=1), -1.0, 1.0)
     half = 0.5 * np.arctan2(np.linalg.norm(np.cross(e, f), axis=1), cosine)
-    n, b, along = node_frame(e, f, d[before], d, half > STRAIGHT)
-    g1, g2, twist = r.moment.T
+    n, b, along = node_frame(e, f, d[before], d[node], half > STRAIGHT)
+    g1, g2, twist = r.moment[node].T
     in_plane, across = g1 * along[:, 0] + g2 * along[:, 1], g2 * along[:, 0] - g1 * along[:, 1]
     total = in_plane[:, None] * n + (across / np.sinc(half / np.pi))[:, None] * np.cross(b, n)
     return np.where(inside, total + (twist / np.cos(half))[:, None] * b, 0.0)

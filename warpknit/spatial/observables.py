@@ -17,7 +17,6 @@ from ..base.text import short_repr
 from ..compute.host import fetch
 from ..compute.steering import Steering
 from ..measure import active_threshold, strain
-from ..measure.drawn_curve import WireCurve
 from ..measure.observables import ContactPlaces, Energies, HookContact, PanelMap, SheetPlaces, WireStress, arcs_along
 from ..measure.strain import Boundary
 from ..measure.tiles import Tiles, has_map, panel_map_of
@@ -26,7 +25,7 @@ from .bending import bending_moments, clamped_ends
 from .contact_arrays import Contacts
 from .model import SpatialModel
 from .placed_wires import BETWEEN
-from .rest_curve import rest_place, section_offsets, spatial_curve
+from .rest_curve import SpatialCurve, rest_place, section_offsets, spatial_curve
 from .rod_arrays import RodState
 from .rod_relaxation import RodRelaxation
 from .rods import Rods
@@ -338,7 +337,7 @@ class SpatialObservables(Boundary):
         return np.append(self.stretch @ low, 0.0)
 
     @cached_property
-    def curve(self) -> WireCurve:
+    def curve(self) -> SpatialCurve:
         """The curve on which the wires touch."""
         return spatial_curve(
             self.model.layout(), self.position, self.gradient, self.director, self.model.curve, self.length_factor

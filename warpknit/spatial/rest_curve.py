@@ -14,7 +14,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 
 from ..base.hermite import hermite
-from ..measure.drawn_curve import WireCurve, edges_of
+from ..measure.drawn_curve import Edges, Segments, WireCurve, edges_of
 from ..results.frame import WireLayout
 from .node_stiffness import node_stiffness
 from .rods import Rods
@@ -84,32 +84,52 @@ def catmull_rom(rods: Rods) -> RestCurve:
     )
 
 
-def spatial_curve(
-    layout: WireLayout, position: np.ndarray, deformation: np.ndarray, director: np.ndarray, rest: RestCurve, length_factor: float
-) -> WireCurve:
-    """The curve on which wires touch, through nodes at `position` (node, 3) [m] with directors `director` (node, 3).
+@dataclass(frozen=True)
+class SpatialCurve(WireCurve):
+    """The curve on which wires touch, through nodes with directors `director` (node, 3).
 
     length_factor: thermal length over length at rest.
     """
+
+    edges: Edges
+    previous: np.ndarray  # [node]
+    director: np.ndarray
+    rest: RestCurve
+    length_factor: float
+
+    def behind(self, node: np.ndarray) -> Segments:
+        edges, rest, before = self.edges, self.rest, self.previous[node]
+        after, row = edges.following[node], rest.row[node]
+        next_row, m = rest.row[after], rest.slope_weight[row][:, :, None]
+        begin = m[:, 0] * self._edge_slope(edges.before[node], before, row) + m[:, 1] * self._edge_slope(
+            edges.behind[node], node, row
+        )
+        end = m[:, 2] * self._edge_slope(edges.behind[node], node, next_row)
+        end += m[:, 3] * self._edge_slope(edges.behind[after], after, next_row)
+        bump = np.einsum("nac,npc->npa", self.length_factor * self._section(node), rest.bump[row].reshape(-1, BUMPS, 2))
+        has, zero = edges.has_segment[node][:, None], np.zeros(3)
+        begin, end, edge = (np.where(has, vector, zero) for vector in (begin, end, edges.behind[node]))
+        return Segments(edge, begin, end, np.where(has[:, None], bump, zero))
+
+    def _section(self, node: np.ndarray) -> np.ndarray:
+        """(m, 3, 2) directors of the sections of segments."""
+        edge, director = self.edges.behind[node], self.director[node]
+        return np.stack([director, np.cross(edge / np.linalg.norm(edge, axis=1, keepdims=True), director)], axis=2)
+
+    def _edge_slope(self, edge: np.ndarray, segment: np.ndarray, row: np.ndarray) -> np.ndarray:
+        """(m, 3) [m] edges of segments with the corrections of rows."""
+        length = self.length_factor * self.rest.length[self.rest.row[segment]][:, None]
+        return np.asarray(edge + length * np.einsum("nac,nc->na", self._section(segment), self.rest.slope[row]))
+
+
+def spatial_curve(
+    layout: WireLayout, position: np.ndarray, deformation: np.ndarray, director: np.ndarray, rest: RestCurve, length_factor: float
+) -> SpatialCurve:
+    """The curve through nodes at `position` (node, 3) [m]."""
     edges = edges_of(layout, position, deformation)
-    tangent = edges.behind / np.linalg.norm(edges.behind, axis=1, keepdims=True)
-    section = np.stack([director, np.cross(tangent, director)], axis=2)  # (node, 3, 2)
     previous = np.arange(len(position)) - 1
     previous[edges.following[edges.has_segment]] = np.flatnonzero(edges.has_segment)
-    following, m = edges.following, rest.slope_weight[rest.row][:, :, None]
-    length, slope = length_factor * rest.length[rest.row][:, None], rest.slope[rest.row]
-
-    def edge_slope(edge: np.ndarray, length: np.ndarray, section: np.ndarray, slope: np.ndarray) -> np.ndarray:
-        return edge + length * np.einsum("nac,nc->na", section, slope)
-
-    begin = m[:, 0] * edge_slope(edges.before, length[previous], section[previous], slope)
-    begin += m[:, 1] * edge_slope(edges.behind, length, section, slope)
-    end = m[:, 2] * edge_slope(edges.behind, length, section, slope[following])
-    end += m[:, 3] * edge_slope(edges.behind[following], length[following], section[following], slope[following])
-    bump = np.einsum("nac,npc->npa", length_factor * section, rest.bump[rest.row].reshape(-1, BUMPS, 2))
-    has, zero = edges.has_segment[:, None], np.zeros(3)
-    begin, end, edge = (np.where(has, vector, zero) for vector in (begin, end, edges.behind))
-    return WireCurve(edge, begin, end, np.where(has[:, None], bump, zero))
+    return SpatialCurve(edges, previous, director, rest, length_factor)
 
 
 def rest_place(rods: Rods, curve: RestCurve, node: np.ndarray, place: np.ndarray) -> np.ndarray:
