@@ -147,6 +147,16 @@ def test_a_class_has_the_force_that_half_of_its_pairs_reach(loaded: int, found: 
     assert class_median_force(SimpleNamespace(model=model, pair_force=force), "A") == found
 
 
+def test_light_contacts_are_active_with_less_than_a_tenth_of_the_mean_force() -> None:
+    """Five pairs carry 1000 times the threshold, three 5 times and two half of it: three are light. Without forces none is."""
+    model = build_model(load_scene(CELL, [*QUICK, *OF_KIND["planar"]]))
+    light = next(one for one in table.MEASURES if one.name == "light_percent")
+    force = np.zeros(model.pair_count)
+    assert light.of(SimpleNamespace(model=model, pair_force=force)) == 0.0
+    force[:10] = measure.active_threshold(model) * np.repeat([1000.0, 5.0, 0.5], [5, 3, 2])
+    assert light.of(SimpleNamespace(model=model, pair_force=force)) == pytest.approx(300.0 / model.pair_count)
+
+
 @pytest.mark.parametrize("kind", ["planar", "spatial"])
 def test_pieces_at_the_grips_carry_the_virial_of_their_own_forces(kind: str) -> None:
     """A piece that touches nothing is pulled by its two clamps alone, by equal and opposite forces: its part of the tension is

@@ -20,6 +20,8 @@ from ..base.text import short_repr
 from ..knit.cloth import CLASS_NAMES
 from .observables import HookContact, Observables
 
+LIGHT = 0.1  # of the mean contact force
+
 
 @dataclass(frozen=True)
 class Record:
@@ -82,6 +84,12 @@ def _mean_force(r: Observables) -> float:
     return float(force.mean()) if len(force) else 0.0
 
 
+def _light_percent(r: Observables) -> float:
+    """Share of the pairs that are active with less than LIGHT of the mean force."""
+    light = int(np.sum(m.active_forces(r) < LIGHT * _mean_force(r)))
+    return 100.0 * light / max(len(r.pair_force), 1)
+
+
 def _largest(values: np.ndarray) -> float:
     return float(values.max(initial=0.0))
 
@@ -136,6 +144,7 @@ MEASURES: tuple[Measure, ...] = (
     Measure("at_reach_end", lambda r: r.pairs_at_reach_end, summary="contacts"),
     Measure("force_max_N", m.largest_contact_force, summary="contacts"),
     Measure("force_mean_N", _mean_force, summary="contacts"),
+    Measure("light_percent", _light_percent, summary="contacts"),
     Measure("contact_force_sum_N", lambda r: float(r.pair_force.sum() + 2.0 * r.elsewhere_force.sum())),
     Measure("threshold_N", lambda r: m.active_threshold(r.model), summary="contacts"),
     Measure("near_bodies", _part("body_near", lambda near: int(near.sum())), summary="contacts"),

@@ -23,6 +23,7 @@ from .warnings_of import CARRIED, fragment_share
 SIDES = ("weft", "warp")
 # contacts that are counted in pairs, and the others
 PLACES = {"knit": ("at clasps", "between stitches"), "wires": ("at crossings", "elsewhere")}
+LIGHT_PERCENT = 1.0  # of the pairs: fewer light contacts are not shown
 LEAST_SPREAD = 5e-3  # of the mean of a figure: a smaller range is not shown
 TIMED = "for steps, checks and files"  # part of the wall time; the others are the model and compilation
 STATES = {"steady": "converged", "finished": "finished, not in equilibrium", "diverged": "did not converge"}
@@ -200,6 +201,10 @@ def _mesh_findings(result: Summary, here: str, between: str) -> Iterator[Finding
     more = f"; {others:{digits}} more {between}" if others else ""
     count = f"  ({end.active:{digits}} of {end.pairs}{f' {here}' if others else ' pairs'}{more})"
     yield Finding("active contacts", f"{end.active_percent:.3g} %", where=count, short=True)
+    if (light := end.get("light_percent") or 0.0) > LIGHT_PERCENT:
+        yield Finding(
+            "  light ones", f"{light:.3g} %", where=" of the pairs, with less than a tenth of the mean force", short=True
+        )
     more = ""
     if force := end.get("elsewhere_force_max_N"):
         more = f" {here}; {engineering(force, 'N')} {between}"

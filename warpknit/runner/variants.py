@@ -20,8 +20,8 @@ from ..scene.options import Variants
 # figures with a reported scatter
 FIGURES = (
     "strain_weft", "strain_warp", "tension_weft_N_per_m", "tension_warp_N_per_m", "active_percent", "active_bodies", "elsewhere",
-    "force_max_N", "force_mean_N", "contact_force_max_N", "stress_max_Pa", "stress_interior_max_Pa", "stress_p99_Pa",
-    "stress_max_so_far_Pa", "yield_fraction", "plastic_fraction", "thickness_m",
+    "force_max_N", "force_mean_N", "light_percent", "contact_force_max_N", "stress_max_Pa", "stress_interior_max_Pa",
+    "stress_p99_Pa", "stress_max_so_far_Pa", "yield_fraction", "plastic_fraction", "thickness_m",
 )  # fmt: skip
 CLOSING = tuple(f"force_{name}_N" for name in CLASS_NAMES)  # by which contacts of a class close: in half of the meshes
 PLACES = ("stress_max_wire", "stress_max_node", "stress_max_x_m", "stress_max_y_m")  # of one mesh: they have no mean
