@@ -50,12 +50,12 @@ class Segments:
 
 
 def parts_of(count: int) -> Iterator[slice]:
-    """Parts of so many points: a large mesh has no memory for all at once."""
+    """Parts of `count` points: a large mesh has no memory for all at once."""
     return (slice(begin, min(begin + AT_ONCE, count)) for begin in range(0, count, AT_ONCE))
 
 
 class WireCurve(ABC):
-    """The curve through the nodes of a mesh, whose segments are found as they are asked for."""
+    """The curve through the nodes of a mesh; segments are found on request."""
 
     edges: Edges
 

@@ -85,7 +85,7 @@ def _mean_force(r: Observables) -> float:
 
 
 def _light_percent(r: Observables) -> float:
-    """Share of the pairs that are active with less than LIGHT of the mean force."""
+    """Share of the pairs that are active below LIGHT of the mean force."""
     light = int(np.sum(m.active_forces(r) < LIGHT * _mean_force(r)))
     return 100.0 * light / max(len(r.pair_force), 1)
 
