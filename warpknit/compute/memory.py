@@ -16,8 +16,8 @@ LIBRARY_MEMORY = 512 * 2**20  # [bytes] of address space reserved for libraries:
 MEMORY_PER_NODE = {
     ("planar", "single"): (420, 0),
     ("planar", "double"): (520, 0),
-    ("spatial", "single"): (1_750, 850),
-    ("spatial", "double"): (1_970, 850),
+    ("spatial", "single"): (1_750, 1_000),
+    ("spatial", "double"): (1_970, 1_000),
 }
 USD_MEMORY_PER_NODE = 60  # bytes, of the process that writes scene.usda and its frame
 
