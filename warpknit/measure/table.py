@@ -86,8 +86,8 @@ def _mean_force(r: Observables) -> float:
 
 def _light_percent(r: Observables) -> float:
     """Share of the pairs that are active below LIGHT of the mean force."""
-    light = int(np.sum(m.active_forces(r) < LIGHT * _mean_force(r)))
-    return 100.0 * light / max(len(r.pair_force), 1)
+    force = m.active_forces(r)
+    return 100.0 * int(np.sum(force < LIGHT * force.mean())) / len(r.pair_force) if len(force) else 0.0
 
 
 def _largest(values: np.ndarray) -> float:

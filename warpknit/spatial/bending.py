@@ -53,8 +53,7 @@ def bending_moments(r: Any) -> tuple[np.ndarray, ...]:
     contacts, and the segment of each.
     """
     rods, curve = r.model.rods, r.curve
-    before, after = rods.previous, rods.following
-    edge = np.where(curve.edges.has_segment[:, None], curve.edges.behind, 0.0)
+    before, after, edge = rods.previous, rods.following, curve.edges.behind
     at = _pushes(r)
     weights = _weights(r, at)
     parts = r.length_factor * section_offsets(rods, r.model.curve, r.segment_tangent, r.director, at.node, at.place)

@@ -98,17 +98,17 @@ class SpatialCurve(WireCurve):
     length_factor: float
 
     def behind(self, node: np.ndarray) -> Segments:
-        edges, rest, before = self.edges, self.rest, self.previous[node]
-        after, row = edges.following[node], rest.row[node]
-        next_row, m = rest.row[after], rest.slope_weight[row][:, :, None]
-        begin = m[:, 0] * self._edge_slope(edges.before[node], before, row) + m[:, 1] * self._edge_slope(
-            edges.behind[node], node, row
-        )
-        end = m[:, 2] * self._edge_slope(edges.behind[node], node, next_row)
-        end += m[:, 3] * self._edge_slope(edges.behind[after], after, next_row)
-        bump = np.einsum("nac,npc->npa", self.length_factor * self._section(node), rest.bump[row].reshape(-1, BUMPS, 2))
+        edges, rest, after = self.edges, self.rest, self.edges.following[node]
+        row, edge, section = rest.row[node], edges.behind[node], self._section(node)
+        slope, next_slope, m = rest.slope[row], rest.slope[rest.row[after]], rest.slope_weight[row][:, :, None]
+        length_before, length, length_after = (self._length(segment) for segment in (self.previous[node], node, after))
+        begin = m[:, 0] * _edge_slope(edges.before[node], length_before, self._section(self.previous[node]), slope)
+        begin += m[:, 1] * _edge_slope(edge, length, section, slope)
+        end = m[:, 2] * _edge_slope(edge, length, section, next_slope)
+        end += m[:, 3] * _edge_slope(edges.behind[after], length_after, self._section(after), next_slope)
+        bump = np.einsum("nac,npc->npa", self.length_factor * section, rest.bump[row].reshape(-1, BUMPS, 2))
         has, zero = edges.has_segment[node][:, None], np.zeros(3)
-        begin, end, edge = (np.where(has, vector, zero) for vector in (begin, end, edges.behind[node]))
+        begin, end, edge = (np.where(has, vector, zero) for vector in (begin, end, edge))
         return Segments(edge, begin, end, np.where(has[:, None], bump, zero))
 
     def _section(self, node: np.ndarray) -> np.ndarray:
@@ -116,10 +116,14 @@ class SpatialCurve(WireCurve):
         edge, director = self.edges.behind[node], self.director[node]
         return np.stack([director, np.cross(edge / np.linalg.norm(edge, axis=1, keepdims=True), director)], axis=2)
 
-    def _edge_slope(self, edge: np.ndarray, segment: np.ndarray, row: np.ndarray) -> np.ndarray:
-        """(m, 3) [m] edges of segments with the corrections of rows."""
-        length = self.length_factor * self.rest.length[self.rest.row[segment]][:, None]
-        return np.asarray(edge + length * np.einsum("nac,nc->na", self._section(segment), self.rest.slope[row]))
+    def _length(self, node: np.ndarray) -> np.ndarray:
+        """(m, 1) [m] of segments."""
+        return np.asarray(self.length_factor * self.rest.length[self.rest.row[node]][:, None])
+
+
+def _edge_slope(edge: np.ndarray, length: np.ndarray, section: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """(m, 3) [m] edges with the corrections of their direction."""
+    return np.asarray(edge + length * np.einsum("nac,nc->na", section, slope))
 
 
 def spatial_curve(
