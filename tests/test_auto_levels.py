@@ -14,9 +14,10 @@ from warpknit.base.errors import Diverged, InputError
 from warpknit.knit.named import NAMED_KNITS
 from warpknit.measure import class_median_force, classes_of
 from warpknit.measure.jumps import Level, happens
+from warpknit.measure.strain import EdgeWork
 from warpknit.scene import Scene, make_scene
 from warpknit.solve.equilibrium import Equilibrium
-from warpknit.solve.relax import FEWEST_LEVELS, Relaxation
+from warpknit.solve.relax import FEWEST_LEVELS, Relaxation, Target
 
 NEAR = 0.02  # of the load: output.load_tolerance
 
@@ -115,6 +116,30 @@ def test_resuming_between_levels_that_are_added_gives_the_same_bits(tmp_path: Pa
     monkeypatch.setattr(Relaxation, "load_state_dict", load)
     assert_parts_are_the_whole(scene, tmp_path, monkeypatch, every=45)
     assert max(kept) >= 1
+
+
+def test_the_work_at_the_edge_is_that_of_the_records_in_their_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where the mesh returns to a level that it has left for one below."""
+    load = {"strain_weft": 0.02, "strain_warp": 0.02, "temperature": 330.0, "temperature_gradient": [800.0, 0.0]}
+    scene = knit_scene("atlas", knit={"repeats": [4, 2]}, model={"boundary": "gripped"}, load=load)
+    add, has_event = EdgeWork.add, Relaxation._has_event
+    terms: list[tuple[tuple[np.ndarray, np.ndarray], ...]] = []
+    events = [True]
+
+    def adds(self: EdgeWork, *pairs: tuple[np.ndarray, np.ndarray]) -> float:
+        terms.append(pairs)
+        return add(self, *pairs)
+
+    def has_one(self: Relaxation, lower: Target, upper: Target) -> bool:
+        return events.pop() if events else has_event(self, lower, upper)
+
+    monkeypatch.setattr(EdgeWork, "add", adds)
+    monkeypatch.setattr(Relaxation, "_has_event", has_one)
+    records = list(Simulation(build_model(scene)).run())
+    monkeypatch.undo()
+    work = EdgeWork()
+    assert [work.add(*pairs) for pairs in terms] == [record.edge_work for record in records]
+    assert len(records) > FEWEST_LEVELS + 1 and records[-1].edge_work != 0.0
 
 
 def test_an_increment_that_fails_is_halved(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,6 @@
 """Levels that fail: increments of the load are halved from the last equilibrium on."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,9 @@ import pytest
 from reference.in_words import quantities
 from warpknit import measure
 from warpknit.base.errors import Diverged, StepLimitExceeded
+from warpknit.mesh.rim import LoadPoint
 from warpknit.scene import load_scene
+from warpknit.solve.equilibrium import ON_THE_WAY
 from warpknit.solve.model import build_model
 from warpknit.solve.relax import MAX_CUTS, Relaxation
 from warpknit.solve.simulate import Simulation
@@ -27,7 +30,7 @@ def fail_above(increment: float, monkeypatch: pytest.MonkeyPatch, *, error: type
     """Have levels of larger increments of strain fail once their load is applied; returns the strains at which they do."""
     corrected, failed = Relaxation.corrected, []
 
-    def refused(self: Relaxation, ratio: float) -> float:
+    def refused(self: Relaxation, ratio: float) -> tuple[float, bool]:
         moved = 0.0 if self._last_gradient is None else float(np.abs(self.state.gradient.ravel() - self._last_gradient).max())
         if moved > increment:
             failed.append(float(self.state.gradient[0, 0]) - 1.0)
@@ -57,6 +60,26 @@ def test_a_level_that_fails_is_reached_in_smaller_increments(kind: str, monkeypa
     resumed = simulation_of(kind, 1)
     resumed.drive.load_state_dict(cut.drive.state_dict())
     assert resumed.notes == cut.notes
+
+
+def test_a_check_that_moves_the_mesh_is_not_the_last_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also on the way between two levels, where a larger residual is enough."""
+    corrected, moves = Relaxation.corrected, 40
+
+    def corrects(self: Relaxation, ratio: float) -> tuple[float, bool]:
+        ratio, _ = corrected(self, ratio)
+        return ratio, self.progress.checks <= moves
+
+    simulation = simulation_of("planar", 1)
+    stage = simulation.model.scene.stages[0]
+    load = LoadPoint(1.001 * np.eye(2), stage.temperature)
+    simulation.drive.mechanics.search()
+    assert isinstance(simulation.drive, Relaxation)
+    simulation.drive.solve(load, ON_THE_WAY)
+    assert simulation.progress.checks < moves
+    monkeypatch.setattr(Relaxation, "corrected", corrects)
+    simulation.drive.solve(replace(load, gradient=1.002 * np.eye(2)), ON_THE_WAY)
+    assert simulation.progress.checks == moves + 1
 
 
 def test_what_fails_in_the_smallest_increment_has_failed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -91,7 +114,7 @@ def test_a_set_that_fails_is_released_in_smaller_parts(monkeypatch: pytest.Monke
     """The two parts of 2 % become four of 1 %, without a step of the natural curvature between them."""
     corrected, release, parts = Relaxation.corrected, SpatialMechanics.release, []
 
-    def refused(self: Relaxation, ratio: float) -> float:
+    def refused(self: Relaxation, ratio: float) -> tuple[float, bool]:
         if not self.progress.cuts:
             raise Diverged("too far at once")
         return corrected(self, ratio)

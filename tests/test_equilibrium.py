@@ -45,7 +45,7 @@ class OneMesh:
 @pytest.mark.parametrize(("ratio", "converges"), [(0.5, True), (2.0, False), (np.nan, False)])
 def test_only_a_number_below_one_has_converged(ratio: float, converges: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(equilibrium, "tension_scale", lambda _model: 1.0)
-    relaxation = SimpleNamespace(progress=Progress(), step_limit=1000, corrected=lambda ratio: ratio)
+    relaxation = SimpleNamespace(progress=Progress(), step_limit=1000, corrected=lambda ratio: (ratio, False))
     mesh = OneMesh(ratio)
     loop = Equilibrium(mesh, [relaxation])  # type: ignore[arg-type]
     found = [loop.advance(np.array([0]))[0] for _ in range(3)]

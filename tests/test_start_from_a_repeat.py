@@ -2,16 +2,19 @@
 
 import contextlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from warpknit.base.errors import NoProgress
 from warpknit.mechanics.response import Response
 from warpknit.mesh.rim import LoadPoint
 from warpknit.scene import load_scene
 from warpknit.solve.model import build_model
 from warpknit.solve.multilevel import STIFFER, MultilevelRelaxation
 from warpknit.solve.progress import Progress
+from warpknit.solve.relax import Relaxation
 from warpknit.solve.simulate import Record, Simulation
 from warpknit.spatial.transfer import Fields, Prolongation
 from warpknit.spatial.worlds import SpatialWorlds
@@ -130,13 +133,23 @@ def test_a_start_from_a_repeat_has_its_friction(monkeypatch: pytest.MonkeyPatch)
     assert np.abs(stuck[:, None] / known - 1.0).min(axis=1).max() < 1e-3
 
 
-def test_an_interrupted_start_with_friction_goes_on_to_the_same_bits() -> None:
+def test_an_interrupted_start_with_friction_goes_on_to_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
     """The level has one increment, also where it is resumed."""
+    beside, is_beside = Relaxation.equilibrium_beside, [False]
+
+    def goes_beside(self: Relaxation, *load: Any) -> Any:
+        is_beside[0] = True
+        found = beside(self, *load)
+        is_beside[0] = False
+        return found
+
+    monkeypatch.setattr(Relaxation, "equilibrium_beside", goes_beside)
     keys = {"knit.bars": TRICOT, "load.strain_weft": 0.096, "load.strain_warp": 0.014, "output.frames": 1}
     model, checks = build_model(load_scene(FACET, keys | {"contact.friction": 0.2}, "draft"), "cpu"), [0]
 
     def run(kept: dict[str, np.ndarray], stop_at: int = 0) -> Simulation:
         def monitor(_: Progress) -> None:
+            assert not is_beside[0]  # a checkpoint would have the state of another load
             checks[0] += 1
             if checks[0] == stop_at:
                 raise KeyboardInterrupt
@@ -174,6 +187,22 @@ def test_a_mesh_with_friction_that_cannot_start_from_a_repeat_follows_the_load(m
     monkeypatch.setattr(Prolongation, "carry", refuses)
     solved(TRICOT, (0.03, 0.005), 1, friction=0.2)
     assert begun == pytest.approx([0.03, 0.015, 0.03])
+
+
+def test_a_mesh_with_friction_whose_start_fails_is_loaded_on_from_half_the_load(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half the load starts from the repeat, too; the rest is applied in increments, and nothing is taken back."""
+    begun: list[float] = []
+    begin_level = MultilevelRelaxation.begin_level
+
+    def begins(self: MultilevelRelaxation, load: LoadPoint, to_ratio: float) -> None:
+        begun.append(float(load.gradient[0, 0]) - 1.0)
+        begin_level(self, load, to_ratio)
+        if len(begun) == 1:
+            raise NoProgress("no progress")
+
+    monkeypatch.setattr(MultilevelRelaxation, "begin_level", begins)
+    solved(TRICOT, (0.03, 0.005), 1, friction=0.2)
+    assert begun == pytest.approx([0.03, 0.015, 0.0225, 0.03])
 
 
 @pytest.mark.slow

@@ -43,7 +43,7 @@ FEW = ("find_closest_places", "warpknit.kernels.wire_contact_forces")  # kernel 
 SMALL = 200  # nodes of a mesh that compiles the kernels, before anything is timed
 NO_ROOM = (MemoryError, RuntimeError, MemoryNeeded, OutOfResources)  # Warp's, and a model's
 # methods of the drive and of the mechanics of the largest mesh, timed each without those inside it
-DRIVE = {"_solve_smaller": "smaller meshes", "_prepare": "response of the cloth", "_start_level": "start from the smaller mesh"}
+DRIVE = {"_solve_smaller": "smaller meshes", "_prepare": "response of the cloth", "_apply": "start from the smaller mesh"}
 MECHANICS = {
     "step": "steps",
     "check": "checks",

@@ -180,6 +180,12 @@ def _measured_run(scene: Scene, sample: Model, nodes: int) -> Measured:
     return measure_meshes(scene, meshes) if meshes > 1 else measure_run(sample, nodes, scene)
 
 
+def _nodes_held(scene: Scene, nodes: int) -> int:
+    """Nodes of a mesh and of the smaller ones that it starts from."""
+    smaller = smaller_scene(scene)
+    return nodes if smaller is None else nodes + _nodes_held(smaller, mesh_nodes(smaller))
+
+
 def overview_of(scene: Scene, device: str | None = None) -> Overview:
     """What would run. Raises the errors of `make_plan`."""
     name = find_device(device, nodes=lambda: mesh_nodes(scene))
@@ -207,7 +213,7 @@ def overview_of(scene: Scene, device: str | None = None) -> Overview:
         nodes=nodes,
         wires=wires,
         bodies=bodies,
-        memory_bytes=psutil.Process().memory_info().rss + required_memory(scene, nodes),
+        memory_bytes=psutil.Process().memory_info().rss + required_memory(scene, _nodes_held(scene, nodes)),
         available_bytes=min(available_memory(), available_memory(name)),
         physics=(
             *kind.physics(model, bodies),

@@ -7,7 +7,6 @@ steering.damping                                  # float, or [world] where the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -32,8 +31,11 @@ class Entry:
         found = found.reshape(*found.shape[:-1], *self.shape) if self.shape else found
         return found.copy() if found.ndim else float(found)
 
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
     def __set__(self, steering: Steering, value: Any) -> None:
-        steering.write({self: value})
+        steering.set(**{self.name: value})
 
     def flat(self, value: Any) -> Any:
         """A value with the entries along one axis."""
@@ -128,34 +130,24 @@ class Steering:
         """The entries of now, read once."""
         return Steering(self.values)
 
-    def write(self, values: dict[Entry, Any], rows: np.ndarray | None = None) -> None:
-        """Set entries of one world, of all, or of `rows`; values broadcast to (row, ...)."""
+    def set(self, rows: np.ndarray | None = None, **values: Any) -> None:
+        """Set entries by name, of one world, of all, or of `rows`; values broadcast to (row, ...)."""
         array: Any = self.array
+        entries = {ENTRIES[name]: value for name, value in values.items()}
         if self._view is None and (self.world is not None or array.shape[0] == 1 or array.ndim == 1):
             flat, begin = array.flatten(), (self.world or 0) * c.CONTROL_COUNT
-            for entry, value in values.items():  # of a single world, without waiting for the device
+            for entry, value in entries.items():  # of a single world, without waiting for the device
                 for k, number in enumerate(np.broadcast_to(value, (1, *entry.shape)).ravel().tolist(), begin + entry.first):
                     flat[k : k + 1].fill_(number)
             return
         host = self.values
-        for entry, value in values.items():
+        for entry, value in entries.items():
             if host.ndim == 1:
                 host[entry.where] = entry.flat(value)
             else:
                 host[slice(None) if rows is None else rows, entry.where] = entry.flat(value)
         if self._view is None:
             store_at(array, ..., host)
-
-    def set(self, rows: np.ndarray | None = None, **values: Any) -> None:
-        """Set entries by name; see `write`."""
-        self.write({ENTRIES[name]: value for name, value in values.items()}, rows)
-
-    def begin_ramp(self, load: Sequence[float], steps: int, *, evenly: bool) -> None:
-        """Ramp from the present load to `load` (gradient and length factor) over `steps` steps; at once with none."""
-        now = self.load
-        if steps == 0:
-            self.load = load
-        self.set(ramp_from=now, ramp_to=load, ramp_step=0.0, ramp_steps=float(steps), even_ramp=float(evenly))
 
     @property
     def is_loading(self) -> Any:

@@ -119,6 +119,9 @@ class RepeatProlongation:
     def put_back(self) -> None:
         """Undo the last `carry`; nothing to undo in a plane, where bodies take any displacement."""
 
+    def forget(self) -> None:
+        """Drop what `put_back` needs: the last `carry` stays."""
+
     def taken(self) -> dict[str, np.ndarray] | None:
         """Transferred fields of the small mesh: whole, or their change since the last call; None without a change."""
         last, now = self._last, self._read()

@@ -90,10 +90,14 @@ class Mechanics(Protocol):
         """Apply a load over `steps` steps, smoothly or `evenly`; at once with 0 steps."""
 
     def _begin_ramp(self, load: LoadPoint, steps: int, *, evenly: bool) -> float:
-        """Let the control array apply a load; return the length factor of the wires."""
+        """Let the control array apply a load over `steps` steps, at once with none; return the length factor of the wires."""
         steering, factor = self.state.steering, self.model.scene.wire.length_factor(load.temperature)
-        steering.begin_ramp([*load.gradient.ravel().tolist(), factor], steps, evenly=evenly)
-        steering.ramp_share = 0.0 if steps else 1.0
+        begin, end, share = steering.load, np.array([*load.gradient.ravel(), factor]), float(steps == 0)
+        steering.set(
+            ramp_from=begin, ramp_to=end, ramp_step=0.0, ramp_steps=float(steps), even_ramp=float(evenly), ramp_share=share
+        )
+        if steps == 0:
+            steering.load = end
         return float(factor)
 
     def stiffen_contacts(self, factor: float, most: float) -> bool:

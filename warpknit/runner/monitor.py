@@ -185,9 +185,10 @@ class Checkpoint:
         self.wall = float(header.wall_s)
 
     def restore(self, simulation: Simulation) -> None:
-        """Restore state and solver variables; `simulation` was made with the progress of this checkpoint."""
+        """Restore state and solver variables, once; `simulation` was made with the progress of this checkpoint."""
         try:
             for world, drive in enumerate(simulation.drives):
                 drive.load_state_dict(strip_prefix(f"{world}/", self._arrays))
+            self._arrays = {}  # as large as the state
         except (AttributeError, KeyError, ValueError) as error:
             raise RunDirectoryError(f"{FILE}: not a checkpoint of this version ({error}); start over with --force") from error

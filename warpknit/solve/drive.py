@@ -13,14 +13,14 @@ from .. import measure
 from ..base.errors import Diverged, Overlapped
 from ..base.text import engineering, percent
 from ..compute.kept import Kept, Owner, restore, save
-from ..measure.strain import EdgeWork, clamp_rotation, rotation, true_stress
+from ..measure.strain import EdgeWork, clamp_rotation, rotation, stretch, true_stress
 from ..measure.table import Record
 from ..mechanics.numerics import MAX_OVERLAP
 from ..mechanics.protocols import Mechanics
 from ..mesh.rim import LoadPoint, Rim
 from ..scene import Stage
 from .progress import LoadStart, Progress
-from .stage_load import load_at, temperature_at
+from .stage_load import temperature_at
 
 
 class Drive(ABC):
@@ -67,13 +67,9 @@ class Drive(ABC):
         self.mechanics.compile()
         self.restore(kept)
 
-    def equilibrium_dict(self) -> Kept:
-        """State and solver variables, to return to within a stage: the progress goes on."""
-        return self.state_dict()
-
     def snapshot(self) -> Kept:
         """State, solver variables and progress, to continue from elsewhere."""
-        return self.equilibrium_dict() | {"progress": np.array(json.dumps(vars(self.progress), default=vars))}
+        return self.state_dict() | {"progress": np.array(json.dumps(vars(self.progress), default=vars))}
 
     def restore(self, kept: Kept) -> None:
         """Restore a snapshot."""
@@ -102,17 +98,17 @@ class Drive(ABC):
 
     # --- loads
 
-    def begin_stage(self, stage: Stage) -> None:
-        """Begin a stage, unless it has begun."""
-        self.progress.stage = stage.name
-        if not self.progress.start.gradient:
-            self.progress.start = self.load_now()
-
-    def end_stage(self) -> None:
-        """End a stage; the next one follows."""
+    def stages(self) -> Iterator[Stage]:
+        """The stages from `progress` on; one ends where the next is asked for."""
         progress = self.progress
-        progress.stage_index += 1
-        progress.level, progress.start, progress.time = 0, LoadStart(), 0.0
+        while progress.stage_index < len(self.scene.stages):
+            stage = self.scene.stages[progress.stage_index]
+            progress.stage = stage.name
+            if not progress.start.gradient:
+                progress.start = self.load_now()
+            yield stage
+            progress.stage_index += 1
+            progress.level, progress.start, progress.time = 0, LoadStart(), 0.0
 
     def load_now(self) -> LoadStart:
         """The current load, at the start of a stage."""
@@ -124,9 +120,29 @@ class Drive(ABC):
         return LoadStart(gradient.ravel().tolist(), np.diag(tension).tolist(), before)
 
     def target(self, stage: Stage, factor: float) -> LoadPoint:
-        """Load of a stage at a load factor; tension-driven directions keep their strain."""
-        progress = self.progress
-        return load_at(self.scene, progress.stage_index, stage, factor, progress.start, self.state.gradient, self.rim)
+        """Load of a stage at a load factor.
+
+        Directions driven by tension keep their strain. The first stage raises the edge to its paraboloid.
+        """
+        scene, rim, index, start = self.scene, self.rim, self.progress.stage_index, self.progress.start
+        start_gradient = np.array(start.gradient).reshape(2, 2)
+        turn, first, now = clamp_rotation(start_gradient), stretch(start_gradient), stretch(self.state.gradient)
+        there = first.copy()
+        expansion = 1.0 + scene.model.frame_expansion * (stage.temperature - scene.wire.reference_temperature)
+        for axis, strain in enumerate((stage.strain_weft, stage.strain_warp)):
+            end = (1.0 + strain) * expansion if strain is not None else None
+            there[axis, axis] = now[axis, axis] if end is None else (1 - factor) * first[axis, axis] + factor * end
+        there[0, 1] = (1 - factor) * first[0, 1] + factor * stage.shear * expansion
+        turn += factor * (stage.clamp_rotation - turn)
+        before = scene.stages[index - 1] if index else None
+        slope = np.array(before.temperature_gradient if before else (0.0, 0.0))
+        slope = (1 - factor) * slope + factor * np.array(stage.temperature_gradient)
+        stations, raised = None, 0.0
+        if rim is not None:
+            raised = 0.0 if scene.panel.focal_length is None else 1.0 if index else factor
+            stations = (1 - factor) * rim.pulled(before.pull if before else ()) + factor * rim.pulled(stage.pull)
+        temperature = temperature_at(stage, start, factor)
+        return LoadPoint(rotation(-turn) @ there, temperature, tuple(slope.tolist()), stations, raised=raised)
 
     # --- states
 

@@ -156,14 +156,17 @@ class Equilibrium:
         ratio = check.ratio
         for row, residual in zip(rows[~loading].tolist(), check.residual[~loading].tolist(), strict=True):
             self.relaxations[row].progress.residual = residual
+        moved = False
         if len(self.group.members) == 1 and not loading[0]:
-            ratio = np.array([self.relaxations[0].corrected(float(ratio[0]))])
+            ratio[0], moved = self.relaxations[0].corrected(float(ratio[0]))
         if (met := rows[ratio < 1.0]).size:
             self.group.move_all(met)
         asked = np.array([self.relaxations[row].progress.to_ratio for row in rows])
         at_limit = np.asarray(self.group.strains.at_limit(rows).any(axis=1))
         asked[at_limit] = ON_THE_WAY
         asked[(asked > UNRECORDED) & ~self.group.touches[rows]] = ANY
+        if moved:  # it is measured again
+            ratio[0], asked[0] = max(ratio[0], 1.0), 1.0
         ratio = self.convergence.with_drift(rows, ratio, self.group.converged_stress, asked, at_limit)
         unconverged = ~(ratio < 1.0)  # not a number has not converged
         checked = unconverged & ~loading

@@ -336,30 +336,31 @@ class Lift:
         self._next_look, self._next_correction = BALANCE_CHECKS, 0
         self._aitken.begin()
 
-    def correct(self, check: int, residual: float) -> float:
-        """Error of the height over its tolerance, after a correction if one is due; by the number and the residual of a check."""
+    def correct(self, check: int, residual: float) -> bool:
+        """Measure the error of the height and lift the mesh by it, where due; return whether it moved.
+
+        By the number and the residual of a check. `imbalance` is that error over its tolerance."""
         residual /= self._tolerance
         is_due = check >= self._next_look and is_settled(residual, self._residual)
         self._residual = residual
         if is_due:
             self._next_look = check + BALANCE_CHECKS
-            self._correct(check)
-        return self.imbalance
+        return is_due and self._correct(check)
 
-    def _correct(self, check: int) -> None:
-        """Measure the error of the height, and lift the mesh by it where due."""
+    def _correct(self, check: int) -> bool:
         mechanics, membrane = self.mechanics, self.membrane
         membrane.imbalance()
         edge = EdgeState(mechanics.state.gradient, mechanics.stations, mechanics.clamp_forces())
         lift = membrane.solve_across(edge, mechanics.checked_stress, MAX_SLOPE)
         if lift is None:  # a slack mesh has no height of its own
             self.imbalance = 0.0
-            return
+            return False
         tolerance = max(LIFT_TOLERANCE * float(np.abs(mechanics.stations[:, 2]).max()), self._least)
         height = max(1.0, self._aitken.factor) * float(np.abs(lift.grid).max()) / tolerance
         self.imbalance = height
         if height <= 1.0 or check < self._next_correction:
-            return
+            return False
         self._next_correction = check + CORRECTION_STEPS // mechanics.check_steps
         lift = lift.scaled(self._aitken.next_factor(lift.vector, lift.max_factor))
         membrane.grid.spread_across(lift.grid[:, 0], lift.in_space)
+        return True

@@ -7,7 +7,7 @@ with the membrane (mesh/rim.py).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -30,7 +30,7 @@ from .membrane import (
     is_settled,
 )
 from .progress import UNKNOWN, LoadStart, Progress
-from .relax import Relaxation
+from .relax import Relaxation, Unsolved
 from .stage_load import strained
 
 MOVE_STEPS = 200  # steps between increments of an edge displacement
@@ -141,9 +141,16 @@ class MultilevelRelaxation(Relaxation):
             if smaller is not None:
                 smaller.release(begin, end)
 
-    def end_stage(self) -> None:
-        super().end_stage()
-        self._keeps_own = False
+    def stages(self) -> Iterator[Stage]:
+        for stage in super().stages():
+            yield stage
+            self._keeps_own = False
+
+    def reach(self, load: LoadPoint, to_ratio: float = 1.0) -> Iterator[Unsolved]:
+        yield from super().reach(load, to_ratio)
+        self._own = {}
+        if self.prolongation is not None:
+            self.prolongation.forget()
 
     def _prepare(self, load: LoadPoint) -> LoadPoint:
         self._own = {}
@@ -197,17 +204,15 @@ class MultilevelRelaxation(Relaxation):
         return self.smaller is not None and not self._keeps_own and not goes_on
 
     def _parts_of_level(self, stage: Stage, factor: float, width: float) -> int:
-        is_begun = self.progress.part > 0 or self.progress.solving
-        starts = self.progress.is_prolonged if is_begun else self._starts_from_smaller
-        return 1 if self.smaller is not None and factor > 0.0 and starts else super()._parts_of_level(stage, factor, width)
+        return 1 if factor > 0.0 and self._starts_from_smaller else super()._parts_of_level(stage, factor, width)
 
-    def _start_level(self, target: LoadPoint) -> None:
+    def _apply(self, target: LoadPoint) -> None:
         progress = self.progress
         if self.prolongation is None or not self._starts_from_smaller:
             if self.prolongation is not None:
                 self.prolongation.taken()  # and left out: the mesh follows on its own
                 progress.is_prolonged = False
-            super()._start_level(target)
+            super()._apply(target)
         else:
             begin = _load_of(self)
             self._own = {"gradient": begin.gradient.copy(), "temperature": np.array(begin.temperature)}
@@ -260,7 +265,7 @@ class MultilevelRelaxation(Relaxation):
                 self.prolongation.repeat()
         else:
             self._keep_own(failed)
-        self.progress.solving = False
+        self.progress.solving = self.progress.is_kept = False  # stiffer contacts are kept, too
 
     def _move_edge(self, target: LoadPoint) -> None:
         """Move held stations of the rim to prescribed places; the mesh follows as a membrane."""
@@ -304,18 +309,17 @@ class MultilevelRelaxation(Relaxation):
         self._correction.begin()
         self._lift.begin()
 
-    def corrected(self, ratio: float) -> float:
-        progress, membrane, ratio = self.progress, self.membrane, super().corrected(ratio)
+    def corrected(self, ratio: float) -> tuple[float, bool]:
+        progress, membrane, (ratio, moved) = self.progress, self.membrane, super().corrected(ratio)
         if membrane is None or math.isinf(ratio):
-            return ratio
+            return ratio, moved
         residual = progress.residual / self.scene.solver.residual_tolerance
         is_due = progress.checks >= progress.next_balance and is_settled(residual, progress.ratio)
         progress.ratio = residual
         if is_due and (membrane.rim.is_free or not progress.is_uncorrected):
             progress.next_balance = progress.checks + BALANCE_CHECKS
-            if self._correct_as_membrane(membrane, ratio):  # not converged at a check that has moved it
-                return max(ratio, progress.imbalance, progress.to_ratio)
-        return max(ratio, progress.imbalance)
+            moved |= self._correct_as_membrane(membrane, ratio)
+        return max(ratio, progress.imbalance), moved
 
     def _correct_as_membrane(self, membrane: Membrane, ratio: float) -> bool:
         """Apply a membrane correction unless the mesh is balanced; return whether it moved.

@@ -29,6 +29,8 @@ class Progress:
     stage: str = ""
     level: int = 0  # records of this stage so far
     part: int = 0  # increments solved of the next level
+    whole: int = 0  # all increments of that level, before they were halved; 0 where it has not begun
+    is_kept: bool = False  # the equilibrium before the next increment is kept
     cuts: int = 0  # how often the increments of that level were halved
     records: int = 0
     steps: int = 0

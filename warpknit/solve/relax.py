@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Iterator
+from copy import copy
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
@@ -49,16 +50,25 @@ class Target:
     has_left: bool = False  # the mesh has left an equilibrium there that was not stable
     level: Level | None = None  # of the first rank
 
+    @property
+    def numbers(self) -> list[int]:
+        """For a checkpoint, beside `arrays`."""
+        return [self.share.numerator, self.share.denominator, self.has_left]
+
     def arrays(self) -> dict[str, np.ndarray]:
-        """Arrays for a checkpoint."""
-        arrays = {"target": np.array([self.share.numerator, self.share.denominator, self.has_left])}
-        arrays |= {f"kept_{name}": value for name, value in self.kept.items()}
-        return arrays | ({} if self.level is None else {f"level_{name}": value for name, value in vars(self.level).items()})
+        """What is known of its equilibrium."""
+        level = {} if self.level is None else vars(self.level)
+        return {f"kept_{name}": value for name, value in self.kept.items()} | {
+            f"level_{name}": value for name, value in level.items()
+        }
 
     @classmethod
-    def from_arrays(cls, kept: dict[str, np.ndarray]) -> Target:
-        level, (share, of, has_left) = strip_prefix("level_", kept), kept["target"].tolist()
-        return cls(Fraction(share, of), strip_prefix("kept_", kept), bool(has_left), Level.from_arrays(level) if level else None)
+    def restored(cls, numbers: list[int], arrays: dict[str, np.ndarray]) -> Target:
+        share, of, has_left = numbers
+        level = strip_prefix("level_", arrays)
+        return cls(
+            Fraction(share, of), strip_prefix("kept_", arrays), bool(has_left), Level.from_arrays(level) if level else None
+        )
 
 
 class Unsolved:
@@ -72,7 +82,7 @@ class Relaxation(Drive):
     """Equilibria of the load levels of `output.frames`; the first stage starts with the unloaded state.
 
     `levels` is a generator that yields wherever an equilibrium has to be found. One mesh (`stage`) and many side by side
-    (simulate.py) share it. `refined_levels` adds levels where something happens (measure/jumps.py).
+    (side_by_side.py) share it.
     """
 
     rate_key = "output.frames"
@@ -108,96 +118,68 @@ class Relaxation(Drive):
         return [*super().owners, Owner(equilibrium.convergence, self.row, len(equilibrium.relaxations))]
 
     def state_dict(self, *, copied: bool = True) -> Kept:
-        known = [*self._targets, *([] if self._lower is None else [self._lower])]
+        known = [*([] if self._lower is None else [self._lower]), *self._targets]
         kept = {f"target{k}_{name}": value for k, target in enumerate(known) for name, value in target.arrays().items()}
-        return super().state_dict(copied=copied) | kept | {"targets": np.array([len(self._targets), len(known)])}
+        kept["targets"] = np.array([target.numbers for target in known], dtype=int).reshape(-1, 3)
+        return super().state_dict(copied=copied) | kept | {"targets_ahead": np.array(len(self._targets))}
 
     def equilibrium_dict(self) -> Kept:
+        """State and solver variables, to return to within a stage: the progress goes on."""
         return {name: value for name, value in self.state_dict().items() if not name.startswith("target")}
 
     def load_state_dict(self, kept: Kept) -> None:
         super().load_state_dict(kept)
         if "targets" in kept:
-            ahead, count = kept["targets"].tolist()
-            known = [Target.from_arrays(strip_prefix(f"target{k}_", kept)) for k in range(count)]
-            self._targets, self._lower = known[:ahead], known[-1] if count > ahead else None
+            numbers, ahead = kept["targets"].tolist(), int(kept["targets_ahead"])
+            known = [Target.restored(each, strip_prefix(f"target{k}_", kept)) for k, each in enumerate(numbers)]
+            self._targets, self._lower = known[len(known) - ahead :], known[0] if len(known) > ahead else None
 
     # --- levels
 
     def stage(self, stage: Stage) -> Iterator[Record]:
-        records = self.records(stage)
-        step = next(records, None)
+        levels = self.levels(stage)
+        step = next(levels, None)
         while step is not None:
             if isinstance(step, Unsolved):
                 try:
                     self.equilibrium.solve()
                 except Diverged as error:
-                    step = records.throw(error)
+                    step = levels.throw(error)
                     continue
             else:
                 yield step
             del step  # the fields of a record are as large as the state
-            step = next(records, None)
+            step = next(levels, None)
 
-    def all_records(self, *, ends_only: bool = False) -> Generator[Record | Unsolved, None, None]:
-        """The records of all stages from `progress` on, as `records`; ends_only: the last one of each stage."""
-        while self.progress.stage_index < len(self.scene.stages):
-            stage = self.scene.stages[self.progress.stage_index]
-            self.begin_stage(stage)
-            yield from self.records(stage, ends_only=ends_only)
-            self.end_stage()
+    def all_levels(self, *, ends_only: bool) -> Generator[Record | Unsolved, None, None]:
+        """The `levels` of all stages from `progress` on."""
+        for stage in self.stages():
+            yield from self.levels(stage, ends_only=ends_only)
 
-    def records(self, stage: Stage, *, ends_only: bool = False) -> Generator[Record | Unsolved, None, None]:
-        """Records of a stage; UNSOLVED wherever the mesh is to be brought to equilibrium first, see `levels`."""
-        return self.refined_levels(stage, ends_only) if self._is_refined else self.levels(stage, ends_only)
-
-    def _recorded(self, stage: Stage, share: Fraction, ends_only: bool) -> Iterator[Record]:
-        self.progress.level += 1
-        if share == 1 or not ends_only:
-            yield self.record(stage, float(share), steady=True)
-
-    def levels(self, stage: Stage, ends_only: bool) -> Generator[Record | Unsolved, None, None]:
-        """Records of equal levels of a load step, each in equilibrium. UNSOLVED before each equilibrium to find.
+    def levels(self, stage: Stage, *, ends_only: bool = False) -> Generator[Record | Unsolved, None, None]:
+        """Records of the load levels of a stage, each in equilibrium; UNSOLVED before each equilibrium to find.
 
         Where that fails, `Diverged` is thrown in: the increment is halved from the last equilibrium on, MAX_CUTS times at most.
+        Where levels are refined, the mesh returns to the lower one of two with an event between them (measure/jumps.py) and is
+        loaded half-way; the upper one is kept, and recorded after all levels before it. ends_only: the record of the last level.
         """
-        progress = self.progress
-        width = Fraction(1, self.scene.output.levels)
-        unloaded = progress.stage_index == 0
-        while (share := (progress.level + (not unloaded)) * width) <= 1:
-            yield from self._increment(stage, share, width, is_recorded=share == 1 or not ends_only)
-            yield from self._recorded(stage, share, ends_only)
-
-    def refined_levels(self, stage: Stage, ends_only: bool) -> Generator[Record | Unsolved, None, None]:
-        """Records of few levels, and of further levels around events between them.
-
-        There the mesh returns to the lower level and is loaded half-way. The upper level is kept, and recorded after all levels
-        before it.
-        """
-        progress, targets = self.progress, self._targets
-        unloaded = progress.stage_index == 0
+        targets, tolerance = self._targets, self.scene.output.load_tolerance
         if not targets:
-            count = self._fewest_levels(stage)
-            targets += [Target(Fraction(k, count)) for k in range(count, 0, -1)]
-            self._lower = None if unloaded else self._solved(Fraction(0))
-            if unloaded and any(stage.by_tension):  # little tension ends slack, once
-                targets.append(Target(Fraction(1, math.ceil(1.0 / self.scene.output.load_tolerance))))
-            if unloaded:
-                targets.append(Target(Fraction(0)))
+            self._plan_levels(stage)
         while targets:
             lower, upper, is_here = self._lower, targets[-1], False
             width = upper.share - (upper.share if lower is None else lower.share)
-            is_wide = width > self.scene.output.load_tolerance
+            is_wide, is_recorded = self._is_refined and width > tolerance, upper.share == 1 or not ends_only
             if not upper.kept:
                 try:
-                    yield from self._increment(stage, upper.share, width, may_cut=not is_wide)
+                    yield from self._increment(stage, upper.share, width, may_cut=not is_wide, is_recorded=is_recorded)
                 except Diverged as error:
                     if lower is None or not is_wide or error.is_final:
                         raise
                     self._return_to(lower)
                     targets.append(Target(upper.share - width / 2))
                     continue
-                upper, is_here = self._solved(upper.share), True
+                upper, is_here = self._reached(upper.share), True
                 targets[-1] = upper
             if lower is not None and is_wide and self._has_event(lower, upper):
                 self._return_to(lower)
@@ -208,7 +190,20 @@ class Relaxation(Drive):
             self._lower = targets.pop()
             if upper.has_left:  # what was found beyond may be of another branch
                 targets[:] = [Target(target.share) for target in targets]
-            yield from self._recorded(stage, upper.share, ends_only)
+            self.progress.level += 1
+            if is_recorded:
+                yield self.record(stage, float(upper.share), steady=True)
+
+    def _plan_levels(self, stage: Stage) -> None:
+        """Begin with equal levels."""
+        count = self._fewest_levels(stage) if self._is_refined else self.scene.output.levels
+        self._targets += [Target(Fraction(k, count)) for k in range(count, 0, -1)]
+        unloaded = self.progress.stage_index == 0
+        self._lower = None if unloaded else self._reached(Fraction(0))
+        if unloaded and self._is_refined and any(stage.by_tension):  # little tension ends slack, once
+            self._targets.append(Target(Fraction(1, math.ceil(1.0 / self.scene.output.load_tolerance))))
+        if unloaded:
+            self._targets.append(Target(Fraction(0)))
 
     def _fewest_levels(self, stage: Stage) -> int:
         """Number of levels of a stage without events; small enough increments for a tight knit."""
@@ -218,8 +213,10 @@ class Relaxation(Drive):
         strain = float(np.abs(self.target(stage, 1.0).gradient - self.state.gradient).max())
         return max(FEWEST_LEVELS, math.ceil(strain / FOLLOWED_INCREMENT - 1e-6))
 
-    def _solved(self, share: Fraction) -> Target:
-        """The present equilibrium as a level."""
+    def _reached(self, share: Fraction) -> Target:
+        """The present equilibrium as a level; it is kept where levels are refined."""
+        if not self._is_refined:
+            return Target(share)
         dissipated, observed, level = self.dissipated if self.edge_work is None else math.nan, self.mechanics.observe(), None
         if self.model.ranks.is_first:
             level = level_of(observed, float(share), dissipated)
@@ -238,16 +235,19 @@ class Relaxation(Drive):
         """Return to the equilibrium of a level; its notes come on top."""
         progress, notes = self.progress, list(self.mechanics.notes)
         self._go_back(target.kept)
-        progress.part, progress.cuts, progress.load_factor = 0, 0, float(target.share)
+        progress.part, progress.whole, progress.cuts, progress.is_kept = 0, 0, 0, False
+        progress.load_factor = float(target.share)
         self.mechanics.notes += [note for note in notes if note not in self.mechanics.notes]
 
     def _go_back(self, equilibrium: Kept) -> None:
         """Return to an equilibrium; the level on the way ends unsolved."""
+        before, recorded = self._before, copy(self.edge_work)  # from record to record
         self.load_state_dict(equilibrium)
+        self._before, self.edge_work = before, recorded
         self.progress.solving, self.progress.level_share = False, 0.0
 
     def _increment(
-        self, stage: Stage, share: Fraction, width: Fraction, *, may_cut: bool = True, is_recorded: bool = True
+        self, stage: Stage, share: Fraction, width: Fraction, *, may_cut: bool, is_recorded: bool
     ) -> Iterator[Unsolved]:
         """Go to a share of the load of a stage, from `width` before it.
 
@@ -258,9 +258,13 @@ class Relaxation(Drive):
         driven = np.array(stage.by_tension)
         tension_start = np.zeros(2) if unloaded else np.array(progress.start.tension)  # as knitted it is scatter about zero
         tension_end = np.array([stage.tension_weft or 0.0, stage.tension_warp or 0.0])
-        whole = self._parts_of_level(stage, factor, float(width))
-        while progress.part < (parts := whole << progress.cuts):
-            self._keep(may_cut=may_cut and (factor > 0.0 or whole > 1))
+        while True:
+            if not progress.solving:  # more parts, where the mesh no longer starts from a smaller one
+                whole = self._parts_of_level(stage, factor, float(width))
+                progress.part, progress.whole = progress.part * whole // (progress.whole or whole), whole
+            if progress.part == (parts := progress.whole << progress.cuts):
+                break
+            self._keep(may_cut=may_cut and (factor > 0.0 or progress.whole > 1))
             there = max(0.0, factor - float(width * Fraction(parts - progress.part - 1, parts)))
             progress.load_factor = there
             if factor == 0.0:
@@ -277,27 +281,26 @@ class Relaxation(Drive):
                 yield from self.reach(load, to_ratio)
             except Diverged as error:
                 self._cut(error)
-                whole = self._parts_of_level(stage, factor, float(width))  # more, where a start from a smaller mesh has failed
                 continue
             self.mechanics.advance_history()
-            progress.part += 1
+            progress.part, progress.is_kept = progress.part + 1, False
         if progress.cuts:
             self.mechanics.notes.append(f"{self._level_text()} was reached in {parts} increments, because larger ones failed")
-        progress.part, progress.cuts, self._before = 0, 0, {}
+        progress.part, progress.whole, progress.cuts, self._before = 0, 0, 0, {}
 
     def _keep(self, *, may_cut: bool) -> None:
         """Keep the present equilibrium, unless the mesh is large; a resumed level keeps its first one."""
-        if self.progress.solving:
+        if self.progress.is_kept:
             return
-        self._before = {}
-        if may_cut and self._may_cut and self.progress.cuts < MAX_CUTS:
+        self.progress.is_kept, self._before = True, {}
+        if may_cut and self._may_cut:
             self._before = self.equilibrium_dict()
 
     def _cut(self, error: Diverged) -> None:
         """Return to the last equilibrium and halve the increments; raises the error after too many cuts."""
         progress = self.progress
         is_slow = isinstance(error, NoProgress) and progress.cuts >= MAX_SLOW_CUTS
-        if not self._before or is_slow or error.is_final:
+        if not self._before or progress.cuts == MAX_CUTS or is_slow or error.is_final:
             raise error
         self._go_back(self._before)
         progress.cuts, progress.part = progress.cuts + 1, 2 * progress.part
@@ -352,9 +355,11 @@ class Relaxation(Drive):
         return self.mechanics.observe().nominal_stress, self.mechanics.state_variables()
 
     def equilibrium_beside(self, gradient: np.ndarray, temperature: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """The same, from the present equilibrium, to which the mesh then returns."""
-        kept = self.equilibrium_dict()
+        """The same, from the present equilibrium, to which the mesh then returns; without checkpoints on the way."""
+        kept, monitor = self.equilibrium_dict(), self.monitor
+        self.monitor = lambda _: None
         found = self.equilibrium_at(gradient, temperature)
+        self.monitor = monitor
         self._go_back(kept)
         return found
 
@@ -370,14 +375,14 @@ class Relaxation(Drive):
 
     def begin_level(self, load: LoadPoint, to_ratio: float) -> None:
         """Start the next level: predict its state and apply its load; see `Convergence.with_drift`."""
-        self._start_level(load)
+        self._apply(load)
         self.mechanics.begin_level()
         if to_ratio <= UNRECORDED:  # test whether the equilibrium is stable, surely before the load and at the end of a stage
             self.mechanics.begin_test(is_certain=not 0.0 < self.progress.load_factor < 1.0)
         self.progress.solving = True
         self._begin_solving(to_ratio)
 
-    def _start_level(self, load: LoadPoint) -> None:
+    def _apply(self, load: LoadPoint) -> None:
         """Extrapolate the state from the last two levels, and apply the load."""
         now = self.state.gradient.ravel()
         ratio = 0.0
@@ -402,11 +407,12 @@ class Relaxation(Drive):
         if self.lift is not None:
             self.lift.begin()
 
-    def corrected(self, ratio: float) -> float:
-        """The residual ratio after corrections beside the time steps."""
+    def corrected(self, ratio: float) -> tuple[float, bool]:
+        """The residual ratio after further corrections, and whether they have moved the mesh."""
         if self.lift is None or math.isinf(ratio):
-            return ratio
-        return max(ratio, self.lift.correct(self.progress.checks, self.progress.residual))
+            return ratio, False
+        moved = self.lift.correct(self.progress.checks, self.progress.residual)
+        return max(ratio, self.lift.imbalance), moved
 
     # --- failures
 

@@ -209,7 +209,7 @@ class Simulation:
         if spread and processes_of(models) > 1:
             self.worlds = WorldProcesses(models, Simulation, ends_only=ends_only)
         else:
-            self.worlds = SideBySide(models, lambda member: member.all_records(ends_only=ends_only), progress)
+            self.worlds = SideBySide(models, lambda member: member.all_levels(ends_only=ends_only), progress)
             self.drive, self.state = self.worlds.members[0], self.worlds.members[0].state
         self.progress, self.resumed, self.solving = self.worlds.members[0].progress, bool(progress), ""
         self.monitor = monitor or (lambda _progress: None)
@@ -247,10 +247,5 @@ class Simulation:
             return
         if not self.resumed:
             self.drive.mechanics.search()
-        stages = self.model.scene.stages
-        progress = self.progress
-        while progress.stage_index < len(stages):
-            stage = stages[progress.stage_index]
-            self.drive.begin_stage(stage)
+        for stage in self.drive.stages():
             yield from self.drive.stage(stage)
-            self.drive.end_stage()

@@ -197,8 +197,8 @@ class SearchArrays:
 class PairSearch:
     """Hash of the segments of a stepper."""
 
-    def __init__(self, stepper: RodStepper, wires: WireArrays, cells: SearchCells) -> None:
-        self.stepper, self._wires, self.cells = stepper, wires, cells
+    def __init__(self, stepper: RodStepper, wires: WireArrays, cells: SearchCells, *, has_friction: bool) -> None:
+        self.stepper, self._wires, self.cells, self._has_friction = stepper, wires, cells, has_friction
         nodes, device = stepper.rods.node_count, stepper.device
         along_x, along_y, along_z = map(int, cells.count)
         self._grid = wp.HashGrid(along_x, along_y, along_z * stepper.worlds, device=device)
@@ -229,7 +229,7 @@ class PairSearch:
 
         With friction a pair may be left out after both nodes and load have moved by MOVED of it; the way back from there counts.
         """
-        back_and_forth = 1.0 + 2.0 * MOVED if self.stepper.steering.friction.any() else 1.0
+        back_and_forth = 1.0 + 2.0 * MOVED if self._has_friction else 1.0
         return self.cells.approach / (float(CLOSING_RATE) * back_and_forth)
 
     def motion(self, rows: np.ndarray) -> np.ndarray:

@@ -260,8 +260,11 @@ class Prolongation(RepeatProlongation):
         if fits and large.contact.friction > 0.0:
             take_elastic_slips(large.contact, *elastic_slips(small.contact), self._repeat)
         if fits and self.replaces:
-            self._before = {}
+            self.forget()
         return fits
+
+    def forget(self) -> None:
+        self._before = {}
 
     def put_back(self) -> None:
         if self._edge is not None:

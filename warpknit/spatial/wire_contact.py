@@ -84,7 +84,7 @@ class WireContact:
         curve = catmull_rom(rods) if curve is None else curve
         self.cells = cells or search_cells(rods, curve)
         self._wires = WireArrays.of(rods, curve, device)
-        self._search = PairSearch(stepper, self._wires, self.cells)
+        self._search = PairSearch(stepper, self._wires, self.cells, has_friction=self.friction > 0.0)
         self._thicknesses = {
             "thickness": wp.float64(rods.section.thickness),
             "thickest": wp.float64(max(2.0 * rods.radius_beside, float(rods.of_wires("thickness").max()))),
