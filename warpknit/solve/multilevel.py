@@ -199,7 +199,7 @@ class MultilevelRelaxation(Relaxation):
 
     @property
     def _starts_from_smaller(self) -> bool:
-        """Whether the next level does; what friction has done to a loaded mesh counts on."""
+        """Whether the next level starts from the smaller mesh; not a loaded mesh with friction or yield."""
         goes_on = self.scene.depends_on_path and not np.array_equal(self.state.gradient, np.eye(2))
         return self.smaller is not None and not self._keeps_own and not goes_on
 

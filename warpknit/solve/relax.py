@@ -341,7 +341,7 @@ class Relaxation(Drive):
             self.equilibrium.solve()
 
     def keep_history(self) -> None:
-        """Begin an increment at the present equilibrium, where what was before counts."""
+        """Keep the present equilibrium as load history, with friction or yield."""
         if self.scene.depends_on_path:
             self.mechanics.advance_history()
 
