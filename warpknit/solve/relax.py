@@ -358,8 +358,10 @@ class Relaxation(Drive):
         """The same, from the present equilibrium, to which the mesh then returns; without checkpoints on the way."""
         kept, monitor = self.equilibrium_dict(), self.monitor
         self.monitor = lambda _: None
-        found = self.equilibrium_at(gradient, temperature)
-        self.monitor = monitor
+        try:
+            found = self.equilibrium_at(gradient, temperature)
+        finally:
+            self.monitor = monitor
         self._go_back(kept)
         return found
 
